@@ -34,9 +34,9 @@ template <typename... Args>
                               const std::string& sentence);
 
 // The sentence (a fmt format and its arguments) says what should hold. On in every build.
-#define CHECK(condition, ...)                                                               \
-    do {                                                                                    \
-        if (!(condition)) [[unlikely]]                                                      \
+#define CHECK(condition, ...)                                                                  \
+    do {                                                                                       \
+        if (!(condition)) [[unlikely]]                                                         \
             ::doppel::checkFailed(__FILE__, __LINE__, #condition, ::fmt::format(__VA_ARGS__)); \
     } while (0)
 

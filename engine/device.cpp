@@ -1,0 +1,457 @@
+#include "engine/device.h"
+
+#include <algorithm>
+#include <atomic>
+#include <charconv>
+#include <cstdlib>
+#include <cstring>
+#include <mutex>
+
+namespace doppel {
+
+namespace {
+
+std::mutex messageMutex;
+std::vector<std::string> messages;
+
+VKAPI_ATTR VkBool32 VKAPI_CALL onMessage(VkDebugUtilsMessageSeverityFlagBitsEXT,
+                                         VkDebugUtilsMessageTypeFlagsEXT,
+                                         const VkDebugUtilsMessengerCallbackDataEXT* data, void*) {
+    std::lock_guard lock(messageMutex);
+    messages.emplace_back(data->pMessage);
+    fmt::print(stderr, "validation: {}\n", data->pMessage);
+    return VK_FALSE;
+}
+
+bool environmentSays(const char* name, std::string_view value) {
+    const char* set = std::getenv(name);
+    return set && set == value;
+}
+
+// An instance with or without the validation layer.
+VkInstance createInstance(bool validation) {
+    VkApplicationInfo application{VK_STRUCTURE_TYPE_APPLICATION_INFO};
+    application.pApplicationName = "doppel";
+    application.apiVersion = VK_API_VERSION_1_2;
+    VkInstanceCreateInfo info{VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO};
+    info.pApplicationInfo = &application;
+
+    const char* layer = "VK_LAYER_KHRONOS_validation";
+    const char* extension = VK_EXT_DEBUG_UTILS_EXTENSION_NAME;
+    VkValidationFeatureEnableEXT enabled[] = {
+        VK_VALIDATION_FEATURE_ENABLE_SYNCHRONIZATION_VALIDATION_EXT};
+    VkValidationFeaturesEXT features{VK_STRUCTURE_TYPE_VALIDATION_FEATURES_EXT};
+    features.enabledValidationFeatureCount = 1;
+    features.pEnabledValidationFeatures = enabled;
+    if (validation) {
+        info.enabledLayerCount = 1;
+        info.ppEnabledLayerNames = &layer;
+        info.enabledExtensionCount = 1;
+        info.ppEnabledExtensionNames = &extension;
+        info.pNext = &features;
+    }
+    VkInstance instance = VK_NULL_HANDLE;
+    VkResult result = vkCreateInstance(&info, nullptr, &instance);
+    if (result == VK_ERROR_LAYER_NOT_PRESENT)
+        throwMachine("validation was asked for, but {} is not installed", layer);
+    if (result == VK_ERROR_INCOMPATIBLE_DRIVER)
+        throwMachine(
+            "no Vulkan driver found; install one (for a CPU: Mesa's lavapipe) or point "
+            "VK_DRIVER_FILES at it");
+    VK_CHECK(result);
+    return instance;
+}
+
+std::vector<VkPhysicalDevice> physicalDevices(VkInstance instance) {
+    uint32_t count = 0;
+    VK_CHECK(vkEnumeratePhysicalDevices(instance, &count, nullptr));
+    std::vector<VkPhysicalDevice> devices(count);
+    if (count > 0) VK_CHECK(vkEnumeratePhysicalDevices(instance, &count, devices.data()));
+    devices.resize(count);
+    return devices;
+}
+
+std::optional<uint32_t> computeFamily(VkPhysicalDevice physical) {
+    uint32_t count = 0;
+    vkGetPhysicalDeviceQueueFamilyProperties(physical, &count, nullptr);
+    std::vector<VkQueueFamilyProperties> families(count);
+    vkGetPhysicalDeviceQueueFamilyProperties(physical, &count, families.data());
+    for (uint32_t i = 0; i < count; ++i)
+        if (families[i].queueFlags & VK_QUEUE_COMPUTE_BIT) return i;
+    return std::nullopt;
+}
+
+bool hasExtension(VkPhysicalDevice physical, std::string_view name) {
+    uint32_t count = 0;
+    vkEnumerateDeviceExtensionProperties(physical, nullptr, &count, nullptr);
+    std::vector<VkExtensionProperties> extensions(count);
+    vkEnumerateDeviceExtensionProperties(physical, nullptr, &count, extensions.data());
+    return std::ranges::any_of(extensions, [&](const VkExtensionProperties& extension) {
+        return name == extension.extensionName;
+    });
+}
+
+struct TypeName {
+    const char* name;
+    int score;
+};
+TypeName typeName(VkPhysicalDeviceType type) {
+    switch (type) {
+        case VK_PHYSICAL_DEVICE_TYPE_DISCRETE_GPU:
+            return {"discrete GPU", 400};
+        case VK_PHYSICAL_DEVICE_TYPE_INTEGRATED_GPU:
+            return {"integrated GPU", 300};
+        case VK_PHYSICAL_DEVICE_TYPE_VIRTUAL_GPU:
+            return {"virtual GPU", 200};
+        case VK_PHYSICAL_DEVICE_TYPE_CPU:
+            return {"CPU", 100};
+        default:
+            return {"other", 50};
+    }
+}
+
+DeviceInfo describe(VkPhysicalDevice physical, uint32_t index) {
+    DeviceInfo info;
+    info.index = index;
+
+    VkPhysicalDeviceProperties basic;
+    vkGetPhysicalDeviceProperties(physical, &basic);
+    info.name = basic.deviceName;
+    TypeName type = typeName(basic.deviceType);
+    info.type = type.name;
+    info.score = type.score;
+    info.apiVersion =
+        fmt::format("{}.{}.{}", VK_API_VERSION_MAJOR(basic.apiVersion),
+                    VK_API_VERSION_MINOR(basic.apiVersion), VK_API_VERSION_PATCH(basic.apiVersion));
+    if (basic.apiVersion < VK_API_VERSION_1_2) {
+        info.refusals.push_back(fmt::format("Vulkan {} is older than 1.2", info.apiVersion));
+        return info;
+    }
+
+    VkPhysicalDeviceVulkan11Properties properties11{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_PROPERTIES};
+    VkPhysicalDeviceVulkan12Properties properties12{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_PROPERTIES};
+    properties11.pNext = &properties12;
+    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2};
+    properties.pNext = &properties11;
+    vkGetPhysicalDeviceProperties2(physical, &properties);
+    const VkPhysicalDeviceLimits& limits = properties.properties.limits;
+    info.driver = fmt::format("{} {}", properties12.driverName, properties12.driverInfo);
+    info.subgroupSize = properties11.subgroupSize;
+    info.maxAllocationBytes = properties11.maxMemoryAllocationSize;
+    info.maxStorageBufferBytes = limits.maxStorageBufferRange;
+    info.maxPushConstantBytes = limits.maxPushConstantsSize;
+    info.timestamps = limits.timestampComputeAndGraphics;
+
+    VkPhysicalDeviceVulkan12Features features12{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES};
+    VkPhysicalDeviceFeatures2 features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2};
+    features.pNext = &features12;
+    vkGetPhysicalDeviceFeatures2(physical, &features);
+    info.addresses = features12.bufferDeviceAddress;
+    info.cooperativeMatrix = hasExtension(physical, "VK_KHR_cooperative_matrix");
+
+    VkPhysicalDeviceMemoryProperties memory;
+    vkGetPhysicalDeviceMemoryProperties(physical, &memory);
+    for (uint32_t i = 0; i < memory.memoryHeapCount; ++i)
+        if (memory.memoryHeaps[i].flags & VK_MEMORY_HEAP_DEVICE_LOCAL_BIT)
+            info.memoryBytes = std::max(info.memoryBytes, memory.memoryHeaps[i].size);
+
+    if (!features12.scalarBlockLayout) info.refusals.push_back("no scalarBlockLayout");
+    if (!computeFamily(physical)) info.refusals.push_back("no compute queue");
+    if (limits.maxComputeWorkGroupInvocations < 256)
+        info.refusals.push_back(fmt::format("workgroups of {} invocations at most; 256 are needed",
+                                            limits.maxComputeWorkGroupInvocations));
+    return info;
+}
+
+bool matches(const DeviceInfo& info, const std::string& wanted) {
+    if (wanted.empty()) return true;
+    uint32_t index = 0;
+    auto [end, error] = std::from_chars(wanted.data(), wanted.data() + wanted.size(), index);
+    if (error == std::errc() && end == wanted.data() + wanted.size()) return index == info.index;
+    auto lower = [](std::string text) {
+        std::ranges::transform(text, text.begin(),
+                               [](char c) { return c >= 'A' && c <= 'Z' ? char(c + 32) : c; });
+        return text;
+    };
+    return lower(info.name).find(lower(wanted)) != std::string::npos;
+}
+
+}  // namespace
+
+std::vector<DeviceInfo> Device::list() {
+    VkInstance instance = createInstance(false);
+    std::vector<DeviceInfo> infos;
+    for (VkPhysicalDevice physical : physicalDevices(instance))
+        infos.push_back(describe(physical, static_cast<uint32_t>(infos.size())));
+    vkDestroyInstance(instance, nullptr);
+    return infos;
+}
+
+std::vector<std::string> Device::validationMessages() {
+    std::lock_guard lock(messageMutex);
+    return messages;
+}
+
+Device::Device(DeviceOptions options) {
+    bool validation = options.validation || environmentSays("DOPPEL_VALIDATION", "1");
+    instance_ = createInstance(validation);
+    try {
+        if (validation) {
+            VkDebugUtilsMessengerCreateInfoEXT info{
+                VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT};
+            info.messageSeverity = VK_DEBUG_UTILS_MESSAGE_SEVERITY_WARNING_BIT_EXT |
+                                   VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT;
+            info.messageType = VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT |
+                               VK_DEBUG_UTILS_MESSAGE_TYPE_GENERAL_BIT_EXT;
+            info.pfnUserCallback = onMessage;
+            auto create = reinterpret_cast<PFN_vkCreateDebugUtilsMessengerEXT>(
+                vkGetInstanceProcAddr(instance_, "vkCreateDebugUtilsMessengerEXT"));
+            VK_CHECK(create(instance_, &info, nullptr, &messenger_));
+        }
+
+        std::vector<VkPhysicalDevice> physicals = physicalDevices(instance_);
+        std::string reasons;
+        for (uint32_t i = 0; i < physicals.size(); ++i) {
+            DeviceInfo info = describe(physicals[i], i);
+            std::string refusal;
+            for (const std::string& reason : info.refusals)
+                refusal += (refusal.empty() ? "" : ", ") + reason;
+            if (!matches(info, options.name))
+                refusal = fmt::format("its name does not contain \"{}\"", options.name);
+            reasons += fmt::format("\n  {} {}: {}", i, info.name, refusal);
+            if (refusal.empty() && (!physical_ || info.score > info_.score)) {
+                physical_ = physicals[i];
+                info_ = info;
+            }
+        }
+        if (!physical_)
+            throwMachine("no usable Vulkan device{}",
+                         reasons.empty() ? " (the loader found none)" : ":" + reasons);
+
+        binding_ = options.binding.value_or(environmentSays("DOPPEL_BINDING", "descriptors")
+                                                ? Binding::Descriptors
+                                                : Binding::Addresses);
+        if (!info_.addresses) binding_ = Binding::Descriptors;
+        bool addresses = binding_ == Binding::Addresses;
+
+        float priority = 1;
+        VkDeviceQueueCreateInfo queueInfo{VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO};
+        queueInfo.queueFamilyIndex = *computeFamily(physical_);
+        queueInfo.queueCount = 1;
+        queueInfo.pQueuePriorities = &priority;
+        VkPhysicalDeviceVulkan12Features features12{
+            VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES};
+        features12.scalarBlockLayout = VK_TRUE;
+        features12.bufferDeviceAddress = addresses ? VK_TRUE : VK_FALSE;
+        VkDeviceCreateInfo deviceInfo{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO};
+        deviceInfo.pNext = &features12;
+        deviceInfo.queueCreateInfoCount = 1;
+        deviceInfo.pQueueCreateInfos = &queueInfo;
+        VK_CHECK(vkCreateDevice(physical_, &deviceInfo, nullptr, &device_));
+        vkGetDeviceQueue(device_, queueInfo.queueFamilyIndex, 0, &queue_);
+
+        VkCommandPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO};
+        poolInfo.queueFamilyIndex = queueInfo.queueFamilyIndex;
+        VK_CHECK(vkCreateCommandPool(device_, &poolInfo, nullptr, &pool_));
+        VkPipelineCacheCreateInfo cacheInfo{VK_STRUCTURE_TYPE_PIPELINE_CACHE_CREATE_INFO};
+        VK_CHECK(vkCreatePipelineCache(device_, &cacheInfo, nullptr, &pipelineCache_));
+
+        vkGetPhysicalDeviceMemoryProperties(physical_, &memory_);
+        VkPhysicalDeviceProperties properties;
+        vkGetPhysicalDeviceProperties(physical_, &properties);
+        timestampPeriod_ = static_cast<double>(properties.limits.timestampPeriod);
+    } catch (...) {
+        destroy();  // a constructor that throws runs no destructor
+        throw;
+    }
+}
+
+Device::~Device() { destroy(); }
+
+void Device::destroy() {
+    if (device_) {
+        vkDeviceWaitIdle(device_);
+        kernels_.clear();
+        vkDestroyPipelineCache(device_, pipelineCache_, nullptr);
+        vkDestroyCommandPool(device_, pool_, nullptr);
+        vkDestroyDevice(device_, nullptr);
+    }
+    if (messenger_) {
+        auto destroy = reinterpret_cast<PFN_vkDestroyDebugUtilsMessengerEXT>(
+            vkGetInstanceProcAddr(instance_, "vkDestroyDebugUtilsMessengerEXT"));
+        destroy(instance_, messenger_, nullptr);
+    }
+    if (instance_) vkDestroyInstance(instance_, nullptr);
+}
+
+uint32_t Device::memoryType(uint32_t allowed, Memory memory) const {
+    constexpr VkMemoryPropertyFlags kLocal = VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT;
+    constexpr VkMemoryPropertyFlags kHost =
+        VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
+    constexpr VkMemoryPropertyFlags kCached = VK_MEMORY_PROPERTY_HOST_CACHED_BIT;
+    std::vector<VkMemoryPropertyFlags> wishes;  // best first
+    if (memory == Memory::Device && info_.type == std::string_view("discrete GPU"))
+        wishes = {kLocal};
+    else if (memory == Memory::Device)
+        wishes = {kLocal | kHost | kCached, kLocal | kHost, kLocal};
+    else if (memory == Memory::Upload)
+        wishes = {kHost};
+    else
+        wishes = {kHost | kCached, kHost};
+    for (VkMemoryPropertyFlags wish : wishes)
+        for (uint32_t i = 0; i < memory_.memoryTypeCount; ++i)
+            if ((allowed >> i & 1) && (memory_.memoryTypes[i].propertyFlags & wish) == wish)
+                return i;
+    throwMachine("{} has no memory of the kind that is needed", info_.name);
+}
+
+Buffer Device::allocate(uint64_t bytes, Memory memory) {
+    bytes = alignUp(std::max<uint64_t>(bytes, 16), 16);
+    bool addresses = binding_ == Binding::Addresses;
+    VkBufferCreateInfo info{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO};
+    info.size = bytes;
+    info.usage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT |
+                 VK_BUFFER_USAGE_TRANSFER_DST_BIT;
+    if (addresses) info.usage |= VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+    VkBuffer buffer = VK_NULL_HANDLE;
+    VK_CHECK(vkCreateBuffer(device_, &info, nullptr, &buffer));
+    VkMemoryRequirements requirements;
+    vkGetBufferMemoryRequirements(device_, buffer, &requirements);
+
+    VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO};
+    flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
+    VkMemoryAllocateInfo allocation{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO};
+    allocation.pNext = addresses ? &flags : nullptr;
+    allocation.allocationSize = requirements.size;
+    allocation.memoryTypeIndex = memoryType(requirements.memoryTypeBits, memory);
+    VkDeviceMemory deviceMemory = VK_NULL_HANDLE;
+    VkResult result = vkAllocateMemory(device_, &allocation, nullptr, &deviceMemory);
+    if (result != VK_SUCCESS) {
+        vkDestroyBuffer(device_, buffer, nullptr);
+        throwMachine("{} cannot allocate {} bytes ({}); use a smaller preset or --memory",
+                     info_.name, bytes, resultName(result));
+    }
+    VK_CHECK(vkBindBufferMemory(device_, buffer, deviceMemory, 0));
+
+    uint64_t address = 0;
+    if (addresses) {
+        VkBufferDeviceAddressInfo addressInfo{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO};
+        addressInfo.buffer = buffer;
+        address = vkGetBufferDeviceAddress(device_, &addressInfo);
+    } else {
+        static std::atomic<uint64_t> count = 0;
+        address = ++count << 40;
+    }
+    void* mapped = nullptr;
+    VkMemoryPropertyFlags kind = memory_.memoryTypes[allocation.memoryTypeIndex].propertyFlags;
+    if (kind & VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT)
+        VK_CHECK(vkMapMemory(device_, deviceMemory, 0, VK_WHOLE_SIZE, 0, &mapped));
+    return {device_, buffer, deviceMemory, bytes, address, static_cast<std::byte*>(mapped)};
+}
+
+const Kernel& Device::kernel(std::string_view name, const Specialisation& specialisation) {
+    auto key = std::pair(std::string(name), specialisation);
+    auto found = kernels_.find(key);
+    if (found == kernels_.end()) {
+        auto row = std::ranges::find(shaderTable(), name, &ShaderTableRow::name);
+        CHECK(row != shaderTable().end(), "there is a shader entry {}", name);
+        found = kernels_
+                    .emplace(std::move(key), std::make_unique<Kernel>(
+                                                 device_, pipelineCache_, *row,
+                                                 binding_ == Binding::Descriptors, specialisation))
+                    .first;
+    }
+    return *found->second;
+}
+
+void Device::upload(const BufferView& target, std::span<const std::byte> bytes) {
+    CHECK(bytes.size() <= target.bytes, "{} bytes fit into a view of {}", bytes.size(),
+          target.bytes);
+    if (bytes.empty()) return;
+    if (std::byte* mapped = target.mapped()) {
+        std::memcpy(mapped, bytes.data(), bytes.size());
+        return;
+    }
+    Buffer staging = allocate(bytes.size(), Memory::Upload);
+    std::memcpy(staging.mapped(), bytes.data(), bytes.size());
+    runOnce([&](VkCommandBuffer commands) {
+        VkBufferCopy region{0, target.offset, bytes.size()};
+        vkCmdCopyBuffer(commands, staging.handle(), target.buffer->handle(), 1, &region);
+    });
+}
+
+void Device::download(const BufferView& source, std::span<std::byte> bytes) {
+    CHECK(bytes.size() <= source.bytes, "{} bytes are in a view of {}", bytes.size(), source.bytes);
+    if (bytes.empty()) return;
+    if (const std::byte* mapped = source.mapped()) {
+        std::memcpy(bytes.data(), mapped, bytes.size());
+        return;
+    }
+    Buffer staging = allocate(bytes.size(), Memory::Readback);
+    runOnce([&](VkCommandBuffer commands) {
+        VkBufferCopy region{source.offset, 0, bytes.size()};
+        vkCmdCopyBuffer(commands, source.buffer->handle(), staging.handle(), 1, &region);
+    });
+    std::memcpy(bytes.data(), staging.mapped(), bytes.size());
+}
+
+VkCommandBuffer Device::newCommandBuffer() {
+    VkCommandBufferAllocateInfo info{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO};
+    info.commandPool = pool_;
+    info.level = VK_COMMAND_BUFFER_LEVEL_PRIMARY;
+    info.commandBufferCount = 1;
+    VkCommandBuffer commands = VK_NULL_HANDLE;
+    VK_CHECK(vkAllocateCommandBuffers(device_, &info, &commands));
+    return commands;
+}
+
+void Device::freeCommandBuffer(VkCommandBuffer commands) {
+    vkFreeCommandBuffers(device_, pool_, 1, &commands);
+}
+
+VkFence Device::newFence() {
+    VkFenceCreateInfo info{VK_STRUCTURE_TYPE_FENCE_CREATE_INFO};
+    VkFence fence = VK_NULL_HANDLE;
+    VK_CHECK(vkCreateFence(device_, &info, nullptr, &fence));
+    return fence;
+}
+
+void Device::submit(VkCommandBuffer commands, VkFence fence) {
+    VK_CHECK(vkResetFences(device_, 1, &fence));
+    VkSubmitInfo info{VK_STRUCTURE_TYPE_SUBMIT_INFO};
+    info.commandBufferCount = 1;
+    info.pCommandBuffers = &commands;
+    VK_CHECK(vkQueueSubmit(queue_, 1, &info, fence));
+}
+
+void Device::wait(VkFence fence) {
+    VK_CHECK(vkWaitForFences(device_, 1, &fence, VK_TRUE, UINT64_MAX));
+}
+
+void Device::runOnce(const std::function<void(VkCommandBuffer)>& record) {
+    VkCommandBuffer commands = newCommandBuffer();
+    VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
+    begin.flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT;
+    VK_CHECK(vkBeginCommandBuffer(commands, &begin));
+    record(commands);
+    VkMemoryBarrier barrier{VK_STRUCTURE_TYPE_MEMORY_BARRIER};
+    barrier.srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT;
+    barrier.dstAccessMask = VK_ACCESS_HOST_READ_BIT | VK_ACCESS_SHADER_READ_BIT |
+                            VK_ACCESS_SHADER_WRITE_BIT | VK_ACCESS_TRANSFER_READ_BIT |
+                            VK_ACCESS_TRANSFER_WRITE_BIT;
+    vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_TRANSFER_BIT,
+                         VK_PIPELINE_STAGE_HOST_BIT | VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT |
+                             VK_PIPELINE_STAGE_TRANSFER_BIT,
+                         0, 1, &barrier, 0, nullptr, 0, nullptr);
+    VK_CHECK(vkEndCommandBuffer(commands));
+    VkFence fence = newFence();
+    submit(commands, fence);
+    wait(fence);
+    vkDestroyFence(device_, fence, nullptr);
+    freeCommandBuffer(commands);
+}
+
+}  // namespace doppel

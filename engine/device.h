@@ -1,0 +1,101 @@
+// One Vulkan device with one compute queue: memory, kernels, submission.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "engine/buffer.h"
+#include "engine/kernel.h"
+#include "engine/vulkan.h"
+
+namespace doppel {
+
+// How shaders reach buffers; see shaders/common/op.glsl.
+enum class Binding { Addresses, Descriptors };
+
+struct DeviceOptions {
+    std::string name;  // part of a device's name, or its index in the list; empty: the best one
+    // Unset: addresses where the device has them; DOPPEL_BINDING=descriptors asks for the other.
+    std::optional<Binding> binding;
+    // Validation layer with synchronisation validation; a message is kept and fails tests.
+    // DOPPEL_VALIDATION=1 switches it on.
+    bool validation = false;
+};
+
+// What `doppel devices` shows.
+struct DeviceInfo {
+    uint32_t index = 0;
+    std::string name, type, driver, apiVersion;
+    uint64_t memoryBytes = 0;  // of the largest device-local heap
+    uint64_t maxAllocationBytes = 0;
+    uint64_t maxStorageBufferBytes = 0;  // per descriptor
+    uint32_t maxPushConstantBytes = 0;
+    uint32_t subgroupSize = 0;
+    bool addresses = false, timestamps = false, cooperativeMatrix = false;
+    std::vector<std::string> refusals;  // why it cannot be used; empty: it can
+    int score = 0;                      // the best usable device has the highest
+};
+
+class Device {
+public:
+    // Throws MachineError naming every device and every reason where none fits.
+    explicit Device(DeviceOptions options = {});
+    ~Device();
+    Device(const Device&) = delete;
+    Device& operator=(const Device&) = delete;
+
+    static std::vector<DeviceInfo> list();
+
+    const DeviceInfo& info() const { return info_; }
+    Binding binding() const { return binding_; }
+    VkDevice handle() const { return device_; }
+    double timestampPeriodNanoseconds() const { return timestampPeriod_; }
+
+    // A buffer of its own; throws MachineError with the size when memory runs out.
+    Buffer allocate(uint64_t bytes, Memory memory);
+
+    // The kernel "<family>/<op>.<entry>" with these specialisation constants (by name). Compiled
+    // at first use and kept.
+    const Kernel& kernel(std::string_view name, const Specialisation& specialisation = {});
+
+    // Copies between host memory and any buffer, and waits.
+    void upload(const BufferView& target, std::span<const std::byte> bytes);
+    void download(const BufferView& source, std::span<std::byte> bytes);
+
+    VkCommandBuffer newCommandBuffer();
+    void freeCommandBuffer(VkCommandBuffer commands);
+    VkFence newFence();
+    void submit(VkCommandBuffer commands, VkFence fence);
+    void wait(VkFence fence);
+    // Records transfers with the given function, submits, waits.
+    void runOnce(const std::function<void(VkCommandBuffer)>& record);
+
+    // Validation messages since the start; tests fail when there is one.
+    static std::vector<std::string> validationMessages();
+
+private:
+    void destroy();
+    uint32_t memoryType(uint32_t allowed, Memory memory) const;
+
+    VkInstance instance_ = VK_NULL_HANDLE;
+    VkDebugUtilsMessengerEXT messenger_ = VK_NULL_HANDLE;
+    VkPhysicalDevice physical_ = VK_NULL_HANDLE;
+    VkDevice device_ = VK_NULL_HANDLE;
+    VkQueue queue_ = VK_NULL_HANDLE;
+    VkCommandPool pool_ = VK_NULL_HANDLE;
+    VkPipelineCache pipelineCache_ = VK_NULL_HANDLE;
+    VkPhysicalDeviceMemoryProperties memory_{};
+    DeviceInfo info_;
+    Binding binding_ = Binding::Addresses;
+    double timestampPeriod_ = 1;
+    std::map<std::pair<std::string, Specialisation>, std::unique_ptr<Kernel>, std::less<>> kernels_;
+};
+
+}  // namespace doppel

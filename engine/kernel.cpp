@@ -1,0 +1,148 @@
+#include "engine/kernel.h"
+
+#include <algorithm>
+#include <set>
+#include <string_view>
+
+namespace doppel {
+
+namespace {
+
+// The few opcodes and decorations that reflection needs (SPIR-V specification, section 3).
+enum SpirvOp : uint32_t {
+    kOpName = 5,
+    kOpTypePointer = 32,
+    kOpFunction = 54,
+    kOpVariable = 59,
+    kOpDecorate = 71,
+    kOpMemberDecorate = 72,
+};
+enum SpirvDecoration : uint32_t {
+    kSpecId = 1,
+    kNonWritable = 24,
+    kNonReadable = 25,
+    kBindingDecoration = 33,
+};
+constexpr uint32_t kStorageBufferClass = 12;
+
+}  // namespace
+
+Reflection reflect(SpirvRange spirv) {
+    Reflection result;
+    std::map<uint32_t, std::string> names;
+    std::map<uint32_t, uint32_t> bindings, specIds, pointee;
+    std::set<uint32_t> nonWritable, nonReadable;
+    std::map<uint32_t, uint32_t> variables;  // id -> struct type
+    std::set<uint32_t> used;
+    bool inFunction = false;
+
+    for (const uint32_t* word = spirv.begin + 5; word < spirv.end;) {
+        uint32_t length = *word >> 16, op = *word & 0xffff;
+        CHECK(length > 0 && word + length <= spirv.end, "SPIR-V instructions fill the module");
+        switch (op) {
+            case kOpName:
+                names[word[1]] = reinterpret_cast<const char*>(word + 2);
+                break;
+            case kOpTypePointer:
+                pointee[word[1]] = word[3];
+                break;
+            case kOpDecorate:
+                if (word[2] == kBindingDecoration) bindings[word[1]] = word[3];
+                if (word[2] == kSpecId) specIds[word[1]] = word[3];
+                break;
+            case kOpMemberDecorate:
+                if (word[3] == kNonWritable) nonWritable.insert(word[1]);
+                if (word[3] == kNonReadable) nonReadable.insert(word[1]);
+                break;
+            case kOpVariable:
+                if (word[3] == kStorageBufferClass) variables[word[2]] = pointee[word[1]];
+                break;
+            case kOpFunction:
+                inFunction = true;
+                break;
+            default:
+                // Functions that the entry does not call are not in the module, so a mention in
+                // any of them is a use.
+                if (inFunction)
+                    for (uint32_t i = 1; i < length; ++i)
+                        if (variables.contains(word[i])) used.insert(word[i]);
+        }
+        word += length;
+    }
+    for (auto [variable, type] : variables) {
+        result.slotCount = std::max(result.slotCount, bindings.at(variable) + 1);
+        if (used.contains(variable))
+            result.buffers.push_back({names.at(variable), bindings.at(variable),
+                                      !nonReadable.contains(type), !nonWritable.contains(type)});
+    }
+    std::ranges::sort(result.buffers, {}, &KernelBuffer::slot);
+    for (auto [id, specId] : specIds)
+        result.constants[specId == 0 ? "local_size" : names.at(id)] = specId;
+    return result;
+}
+
+Kernel::Kernel(VkDevice device, VkPipelineCache cache, const ShaderTableRow& row, bool descriptors,
+               const Specialisation& specialisation)
+    : device_(device), name_(row.name), reflection_(reflect(row.descriptors)) {
+    if (auto size = specialisation.find("local_size"); size != specialisation.end())
+        localSize_ = size->second;
+
+    if (descriptors) {
+        std::vector<VkDescriptorSetLayoutBinding> slots;
+        for (const KernelBuffer& buffer : reflection_.buffers)
+            slots.push_back({buffer.slot, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1,
+                             VK_SHADER_STAGE_COMPUTE_BIT, nullptr});
+        VkDescriptorSetLayoutCreateInfo info{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO};
+        info.bindingCount = static_cast<uint32_t>(slots.size());
+        info.pBindings = slots.data();
+        VK_CHECK(vkCreateDescriptorSetLayout(device_, &info, nullptr, &setLayout_));
+    }
+    VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, kPushConstantBytes};
+    VkPipelineLayoutCreateInfo layoutInfo{VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO};
+    layoutInfo.setLayoutCount = descriptors ? 1 : 0;
+    layoutInfo.pSetLayouts = &setLayout_;
+    layoutInfo.pushConstantRangeCount = 1;
+    layoutInfo.pPushConstantRanges = &range;
+    VK_CHECK(vkCreatePipelineLayout(device_, &layoutInfo, nullptr, &layout_));
+
+    std::vector<VkSpecializationMapEntry> entries;
+    std::vector<uint32_t> values;
+    for (const auto& [name, value] : specialisation) {
+        auto id = reflection_.constants.find(name);
+        CHECK(id != reflection_.constants.end(), "{} has no specialisation constant {}", name_,
+              name);
+        entries.push_back({id->second, static_cast<uint32_t>(values.size() * 4), 4});
+        values.push_back(value);
+    }
+    VkSpecializationInfo constants{static_cast<uint32_t>(entries.size()), entries.data(),
+                                   values.size() * 4, values.data()};
+
+    SpirvRange code = descriptors ? row.descriptors : row.addresses;
+    VkShaderModuleCreateInfo moduleInfo{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
+    moduleInfo.codeSize = static_cast<size_t>(code.end - code.begin) * 4;
+    moduleInfo.pCode = code.begin;
+    VkShaderModule module = VK_NULL_HANDLE;
+    VK_CHECK(vkCreateShaderModule(device_, &moduleInfo, nullptr, &module));
+
+    VkComputePipelineCreateInfo info{VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO};
+    info.stage = {VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO,
+                  nullptr,
+                  0,
+                  VK_SHADER_STAGE_COMPUTE_BIT,
+                  module,
+                  "main",
+                  &constants};
+    info.layout = layout_;
+    VkResult result = vkCreateComputePipelines(device_, cache, 1, &info, nullptr, &pipeline_);
+    vkDestroyShaderModule(device_, module, nullptr);
+    if (result != VK_SUCCESS)
+        throwMachine("the driver cannot compile kernel {}: {}", name_, resultName(result));
+}
+
+Kernel::~Kernel() {
+    vkDestroyPipeline(device_, pipeline_, nullptr);
+    vkDestroyPipelineLayout(device_, layout_, nullptr);
+    vkDestroyDescriptorSetLayout(device_, setLayout_, nullptr);
+}
+
+}  // namespace doppel

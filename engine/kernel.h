@@ -1,0 +1,61 @@
+// A kernel: one entry of one shader as a compute pipeline, and what its SPIR-V says of itself.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "engine/shader_table.h"
+#include "engine/vulkan.h"
+
+namespace doppel {
+
+// Specialisation constants by the name they have in the shader. "local_size" is the workgroup's.
+using Specialisation = std::map<std::string, uint32_t, std::less<>>;
+
+struct KernelBuffer {
+    std::string name;
+    uint32_t slot = 0;
+    bool reads = false, writes = false;
+};
+
+// Read from the SPIR-V of the flavour "descriptors".
+struct Reflection {
+    std::vector<KernelBuffer> buffers;          // only those that the entry uses
+    uint32_t slotCount = 0;                     // buffers declared in the file
+    std::map<std::string, uint32_t> constants;  // specialisation constant name -> id
+};
+Reflection reflect(SpirvRange spirv);
+
+class Kernel {
+public:
+    Kernel(VkDevice device, VkPipelineCache cache, const ShaderTableRow& row, bool descriptors,
+           const Specialisation& specialisation);
+    ~Kernel();
+    Kernel(const Kernel&) = delete;
+    Kernel& operator=(const Kernel&) = delete;
+
+    const std::string& name() const { return name_; }
+    const Reflection& reflection() const { return reflection_; }
+    uint32_t localSize() const { return localSize_; }
+    VkPipeline pipeline() const { return pipeline_; }
+    VkPipelineLayout layout() const { return layout_; }
+    VkDescriptorSetLayout setLayout() const { return setLayout_; }  // null in "addresses"
+
+private:
+    VkDevice device_;
+    std::string name_;
+    Reflection reflection_;
+    uint32_t localSize_ = 64;
+    VkDescriptorSetLayout setLayout_ = VK_NULL_HANDLE;
+    VkPipelineLayout layout_ = VK_NULL_HANDLE;
+    VkPipeline pipeline_ = VK_NULL_HANDLE;
+};
+
+// What Vulkan promises everywhere; parameters and addresses of a kernel must fit.
+constexpr uint32_t kPushConstantBytes = 128;
+
+}  // namespace doppel

@@ -1,0 +1,72 @@
+# Finds every shader and its entries, compiles each entry in both binding flavours, and embeds the
+# SPIR-V in the program. Adding a .comp file is all there is to do.
+#
+#   shaders/<family>/<op>.comp, ENTRY(forward)  ->  kernel "<family>/<op>.forward"
+#
+# Flavours: "addresses" (GL_EXT_buffer_reference) and "descriptors" (storage buffer descriptors).
+# What a kernel reads and writes is reflected from the second flavour, so it is always built.
+
+set(SHADER_DIR ${CMAKE_SOURCE_DIR}/shaders)
+set(SHADER_OUT ${CMAKE_BINARY_DIR}/shaders)
+file(MAKE_DIRECTORY ${SHADER_OUT})
+file(GLOB SHADER_FILES CONFIGURE_DEPENDS ${SHADER_DIR}/*/*.comp)
+file(GLOB SHADER_HEADERS CONFIGURE_DEPENDS ${SHADER_DIR}/*/*.h ${SHADER_DIR}/*/*.glsl)
+# A new ENTRY in an old file must be found too.
+set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${SHADER_FILES})
+
+set(assembly "    .section .rodata\n")
+set(externs "")
+set(rows "")
+set(binaries "")
+foreach(file ${SHADER_FILES})
+    file(RELATIVE_PATH relative ${SHADER_DIR} ${file})
+    string(REGEX REPLACE "\\.comp$" "" stem ${relative})
+    string(REGEX REPLACE "/.*" "" family ${relative})
+    set(headers ${SHADER_HEADERS})
+    list(FILTER headers INCLUDE REGEX "/shaders/(common|${family})/")
+    file(STRINGS ${file} entry_lines REGEX "^ENTRY\\(")
+    foreach(line ${entry_lines})
+        string(REGEX REPLACE "^ENTRY\\(([a-zA-Z0-9_]+)\\).*" "\\1" entry ${line})
+        set(kernel "${stem}.${entry}")
+        string(MAKE_C_IDENTIFIER "spv_${kernel}" symbol)
+        foreach(flavour addresses descriptors)
+            set(binary ${SHADER_OUT}/${symbol}_${flavour}.spv)
+            set(use_descriptors 0)
+            if(flavour STREQUAL descriptors)
+                set(use_descriptors 1)
+            endif()
+            add_custom_command(
+                OUTPUT ${binary}
+                COMMAND ${GLSLANG} -V --quiet --target-env vulkan1.2 -I${SHADER_DIR}
+                        -DDESCRIPTORS=${use_descriptors} -Dentry_${entry}=main -o ${binary} ${file}
+                COMMAND ${SPIRV_VAL} --target-env vulkan1.2 --scalar-block-layout ${binary}
+                DEPENDS ${file} ${headers}
+                COMMENT "Shader ${kernel} (${flavour})"
+                VERBATIM)
+            list(APPEND binaries ${binary})
+            string(APPEND assembly
+                   "    .balign 4\n    .global ${symbol}_${flavour}\n"
+                   "${symbol}_${flavour}: .incbin \"${binary}\"\n"
+                   "    .global ${symbol}_${flavour}_end\n${symbol}_${flavour}_end:\n")
+            string(APPEND externs
+                   "extern const uint32_t ${symbol}_${flavour}[], ${symbol}_${flavour}_end[];\n")
+        endforeach()
+        string(APPEND rows
+               "    {\"${kernel}\", {${symbol}_addresses, ${symbol}_addresses_end}, "
+               "{${symbol}_descriptors, ${symbol}_descriptors_end}},\n")
+    endforeach()
+endforeach()
+string(APPEND assembly "    .section .note.GNU-stack,\"\",%progbits\n")
+
+file(CONFIGURE OUTPUT ${SHADER_OUT}/shader_table.S CONTENT "${assembly}" @ONLY)
+file(CONFIGURE OUTPUT ${SHADER_OUT}/shader_table.cpp CONTENT "#include \"engine/shader_table.h\"
+extern \"C\" {
+${externs}}
+namespace doppel {
+static const ShaderTableRow kRows[] = {
+${rows}};
+std::span<const ShaderTableRow> shaderTable() { return kRows; }
+}  // namespace doppel
+" @ONLY)
+set_source_files_properties(${SHADER_OUT}/shader_table.S PROPERTIES OBJECT_DEPENDS "${binaries}")
+set(SHADER_TABLE ${SHADER_OUT}/shader_table.S ${SHADER_OUT}/shader_table.cpp)
