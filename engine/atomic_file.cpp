@@ -1,0 +1,149 @@
+#include "engine/atomic_file.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+#include "engine/error.h"
+
+namespace doppel {
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr size_t kMaxChunk = size_t{1} << 30;  // Linux moves at most 2 GiB in one call
+
+}  // namespace
+
+AtomicFile::AtomicFile(fs::path target) : target_(std::move(target)) {
+    std::error_code ignored;
+    // A link stays a link: the file that it points to is replaced.
+    if (fs::is_symlink(target_, ignored)) {
+        const fs::path resolved = fs::weakly_canonical(target_, ignored);
+        if (!ignored) target_ = resolved;
+    }
+    const fs::file_status status = fs::status(target_, ignored);
+    if (fs::is_directory(status)) {
+        throwInput("{}: is a folder; expected the name of a file to write", target_.string());
+    }
+    if (fs::exists(status) && !fs::is_regular_file(status)) {
+        throwInput("{}: is not a regular file; give another name to write to", target_.string());
+    }
+    if (target_.filename().empty()) {
+        throwInput("'{}': expected the name of a file to write", target_.string());
+    }
+    const fs::path folder = target_.has_parent_path() ? target_.parent_path() : fs::path(".");
+    if (!fs::is_directory(folder, ignored)) {
+        throwInput("{}: its folder {} does not exist; make it first", target_.string(),
+                   folder.string());
+    }
+
+    static std::atomic<unsigned> counter{0};
+    for (int attempt = 0; attempt < 100; ++attempt) {
+        temporary_ = folder / fmt::format(".{}.tmp-{}-{}{}", target_.stem().string(), getpid(),
+                                          counter.fetch_add(1), target_.extension().string());
+        descriptor_ = ::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+        if (descriptor_ >= 0) {
+            pending_ = true;
+            return;
+        }
+        if (errno != EEXIST) break;  // a leftover of a killed process: take the next number
+    }
+    fail("create", errno);
+}
+
+AtomicFile::~AtomicFile() {
+    closeDescriptor();
+    if (pending_) ::unlink(temporary_.c_str());
+}
+
+void AtomicFile::closeDescriptor() noexcept {
+    if (descriptor_ >= 0) ::close(std::exchange(descriptor_, -1));
+}
+
+void AtomicFile::fail(const char* doing, int error) const {
+    throwMachine("{}: cannot {} it: {}", target_.string(), doing, std::strerror(error));
+}
+
+void AtomicFile::write(const void* data, size_t size) {
+    CHECK(descriptor_ >= 0, "{} must be open for write()", target_.string());
+    const char* bytes = static_cast<const char*>(data);
+    while (size > 0) {
+        const ssize_t written = ::write(descriptor_, bytes, std::min(size, kMaxChunk));
+        if (written < 0) {
+            if (errno == EINTR) continue;
+            fail("write", errno);
+        }
+        bytes += written;
+        size -= static_cast<size_t>(written);
+    }
+}
+
+const fs::path& AtomicFile::pathForLibrary() {
+    closeDescriptor();
+    return temporary_;
+}
+
+void AtomicFile::commit() {
+    CHECK(pending_, "{} must be committed once", target_.string());
+    if (descriptor_ < 0) {
+        descriptor_ = ::open(temporary_.c_str(), O_WRONLY | O_CLOEXEC);
+        if (descriptor_ < 0) fail("write", errno);
+    }
+    // Without the flush a power cut after the rename could leave an empty file under the name.
+    // EINVAL: the file system has no such thing.
+    if (::fsync(descriptor_) != 0 && errno != EINVAL) fail("write", errno);
+    if (::close(std::exchange(descriptor_, -1)) != 0 && errno != EINTR) fail("write", errno);
+    if (::rename(temporary_.c_str(), target_.c_str()) != 0) fail("rename", errno);
+    pending_ = false;
+}
+
+std::vector<uint8_t> readWholeFile(const fs::path& path, uint64_t limit) {
+    // O_NONBLOCK: opening a pipe without a writer must not hang; it is refused just below.
+    const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    if (descriptor < 0) throwInput("{}: cannot read it: {}", path.string(), std::strerror(errno));
+    struct Closer {
+        int descriptor;
+        ~Closer() { ::close(descriptor); }
+    } closer{descriptor};
+
+    struct stat info {};
+    if (::fstat(descriptor, &info) != 0) {
+        throwInput("{}: cannot read it: {}", path.string(), std::strerror(errno));
+    }
+    if (S_ISDIR(info.st_mode)) throwInput("{}: is a folder; expected a file", path.string());
+    if (!S_ISREG(info.st_mode)) throwInput("{}: is not a regular file", path.string());
+    const uint64_t size = static_cast<uint64_t>(info.st_size);
+    if (size > limit) {
+        throwInput("{}: {} bytes; expected at most {}", path.string(), size, limit);
+    }
+    std::vector<uint8_t> bytes(size);
+    size_t done = 0;
+    while (done < bytes.size()) {
+        const ssize_t got =
+            ::read(descriptor, bytes.data() + done, std::min(bytes.size() - done, kMaxChunk));
+        if (got < 0) {
+            if (errno == EINTR) continue;
+            throwInput("{}: cannot read it: {}", path.string(), std::strerror(errno));
+        }
+        if (got == 0)
+            break;  // it shrank while we read: the format's own checks will say what lacks
+        done += static_cast<size_t>(got);
+    }
+    bytes.resize(done);
+    return bytes;
+}
+
+void writeWholeFile(const fs::path& path, std::span<const uint8_t> bytes) {
+    AtomicFile file(path);
+    file.write(bytes.data(), bytes.size());
+    file.commit();
+}
+
+}  // namespace doppel

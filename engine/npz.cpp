@@ -1,0 +1,1105 @@
+#include "engine/npz.h"
+
+#include <zlib.h>
+
+#include <algorithm>
+#include <bit>
+#include <cctype>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <optional>
+#include <type_traits>
+#include <unordered_set>
+
+#include "engine/atomic_file.h"
+#include "engine/error.h"
+
+static_assert(std::endian::native == std::endian::little, "arrays are kept little-endian");
+
+namespace doppel {
+namespace {
+
+// ---- types ------------------------------------------------------------------------------------
+
+struct DTypeInfo {
+    DType dtype;
+    char kind;  // NumPy's letter
+    uint8_t size;
+    const char* name;
+};
+
+constexpr DTypeInfo kDTypes[] = {
+    {DType::boolean, 'b', 1, "bool"}, {DType::i8, 'i', 1, "int8"},
+    {DType::u8, 'u', 1, "uint8"},     {DType::i16, 'i', 2, "int16"},
+    {DType::u16, 'u', 2, "uint16"},   {DType::i32, 'i', 4, "int32"},
+    {DType::u32, 'u', 4, "uint32"},   {DType::i64, 'i', 8, "int64"},
+    {DType::u64, 'u', 8, "uint64"},   {DType::f16, 'f', 2, "float16"},
+    {DType::f32, 'f', 4, "float32"},  {DType::f64, 'f', 8, "float64"},
+    {DType::text, 'U', 0, "text"},    {DType::other, 'O', 0, "other"},
+};
+
+const DTypeInfo& info(DType dtype) { return kDTypes[static_cast<size_t>(dtype)]; }
+
+// Product of the shape; nothing where a size is negative or the product leaves int64.
+std::optional<int64_t> product(std::span<const int64_t> shape) {
+    int64_t count = 1;
+    bool empty = false;
+    for (const int64_t size : shape) {
+        if (size < 0) return std::nullopt;
+        if (size == 0) empty = true;
+        if (!empty && __builtin_mul_overflow(count, size, &count)) return std::nullopt;
+    }
+    return empty ? 0 : count;
+}
+
+template <typename T>
+Array makeArray(DType dtype, std::vector<int64_t> shape, std::span<const T> values) {
+    Array array;
+    array.dtype = dtype;
+    array.shape = std::move(shape);
+    const std::optional<int64_t> count = product(array.shape);
+    CHECK(count && static_cast<uint64_t>(*count) == values.size(),
+          "{} values must fill the shape {}", values.size(), array.shapeText());
+    array.bytes.resize(values.size_bytes());
+    if (!values.empty()) std::memcpy(array.bytes.data(), values.data(), values.size_bytes());
+    return array;
+}
+
+template <typename T>
+T loadAt(const uint8_t* bytes, size_t index) {
+    T value;
+    std::memcpy(&value, bytes + index * sizeof(T), sizeof(T));
+    return value;
+}
+
+double halfToDouble(uint16_t half) {
+    const int exponent = (half >> 10) & 31;
+    const int mantissa = half & 1023;
+    double value;
+    if (exponent == 31) {
+        value = mantissa ? std::numeric_limits<double>::quiet_NaN()
+                         : std::numeric_limits<double>::infinity();
+    } else if (exponent == 0) {
+        value = std::ldexp(mantissa, -24);
+    } else {
+        value = std::ldexp(mantissa + 1024, exponent - 25);
+    }
+    return (half & 0x8000) ? -value : value;
+}
+
+// Calls visit(index, value) with every element in its own type.
+template <typename Visit>
+void visitNumbers(const Array& array, Visit visit) {
+    const uint8_t* bytes = array.bytes.data();
+    const size_t count = static_cast<size_t>(array.count());
+    CHECK(array.bytes.size() == count * dtypeSize(array.dtype),
+          "the bytes of {} must fill its shape {}", array.where, array.shapeText());
+    const auto loop = [&]<typename T>(T) {
+        for (size_t i = 0; i < count; ++i) visit(i, loadAt<T>(bytes, i));
+    };
+    switch (array.dtype) {
+        case DType::boolean:
+            for (size_t i = 0; i < count; ++i) visit(i, static_cast<uint8_t>(bytes[i] != 0));
+            break;
+        case DType::i8:
+            loop(int8_t{});
+            break;
+        case DType::u8:
+            loop(uint8_t{});
+            break;
+        case DType::i16:
+            loop(int16_t{});
+            break;
+        case DType::u16:
+            loop(uint16_t{});
+            break;
+        case DType::i32:
+            loop(int32_t{});
+            break;
+        case DType::u32:
+            loop(uint32_t{});
+            break;
+        case DType::i64:
+            loop(int64_t{});
+            break;
+        case DType::u64:
+            loop(uint64_t{});
+            break;
+        case DType::f16:
+            for (size_t i = 0; i < count; ++i) visit(i, halfToDouble(loadAt<uint16_t>(bytes, i)));
+            break;
+        case DType::f32:
+            loop(float{});
+            break;
+        case DType::f64:
+            loop(double{});
+            break;
+        case DType::text:
+        case DType::other:
+            CHECK(false, "only numbers are visited");
+            break;
+    }
+}
+
+std::string_view nameOf(const Array& array, std::string_view what) {
+    if (!what.empty()) return what;
+    return array.where.empty() ? std::string_view("array") : std::string_view(array.where);
+}
+
+std::string typeText(const Array& array) {
+    if (array.dtype != DType::other) return dtypeName(array.dtype);
+    if (array.descr.find('O') != std::string::npos && array.descr.size() <= 2) {
+        return "Python objects (" + array.descr + ")";
+    }
+    return "type " + array.descr.substr(0, 60);
+}
+
+template <typename T>
+std::vector<T> toIntegers(const Array& array, std::string_view what, const char* expected) {
+    if (!array.isInteger() && array.dtype != DType::boolean) {
+        throwInput("{}: expected integers, found {}", nameOf(array, what), typeText(array));
+    }
+    std::vector<T> result(static_cast<size_t>(array.count()));
+    visitNumbers(array, [&](size_t i, auto value) {
+        if constexpr (std::is_integral_v<decltype(value)>) {
+            if (!std::in_range<T>(value)) {
+                throwInput("{}: expected {}, found {} at element {}", nameOf(array, what), expected,
+                           value, i);
+            }
+            result[i] = static_cast<T>(value);
+        }
+    });
+    return result;
+}
+
+void requireNumbers(const Array& array, std::string_view what) {
+    if (!array.isNumber()) {
+        throwInput("{}: expected numbers, found {}", nameOf(array, what), typeText(array));
+    }
+}
+
+void requireOne(const Array& array, std::string_view what) {
+    if (array.count() != 1) {
+        throwInput("{}: expected one value, found shape {}", nameOf(array, what),
+                   array.shapeText());
+    }
+}
+
+std::string shapeToText(std::span<const int64_t> shape) {
+    std::string text = "[";
+    for (size_t i = 0; i < shape.size(); ++i) {
+        if (i > 0) text += ", ";
+        text += shape[i] == -1 ? std::string("any") : std::to_string(shape[i]);
+    }
+    return text + "]";
+}
+
+// ---- elements as NumPy lays them out ------------------------------------------------------------
+
+// A type string taken apart: "<f4".
+struct RawType {
+    DType dtype = DType::other;
+    char kind = 'O';
+    bool swap = false;
+    size_t itemSize = 0;  // bytes in the file; 0: not known (other)
+};
+
+RawType parseDescr(std::string_view descr) {
+    RawType type;
+    if (descr.size() < 2) return type;
+    char order = '=';
+    if (descr[0] == '<' || descr[0] == '>' || descr[0] == '|' || descr[0] == '=') {
+        order = descr[0];
+        descr.remove_prefix(1);
+    }
+    const char kind = descr[0];
+    descr.remove_prefix(1);
+    if (descr.empty() || descr.size() > 9) return type;
+    size_t number = 0;
+    for (const char c : descr) {
+        if (c < '0' || c > '9') return type;
+        number = number * 10 + static_cast<size_t>(c - '0');
+    }
+    if (kind == 'U' || kind == 'S') {
+        type.dtype = DType::text;
+        type.kind = kind;
+        type.itemSize = kind == 'U' ? number * 4 : number;
+        type.swap = kind == 'U' && order == '>';
+        return type;
+    }
+    for (const DTypeInfo& each : kDTypes) {
+        if (each.size != 0 && each.kind == kind && each.size == number) {
+            type.dtype = each.dtype;
+            type.kind = kind;
+            type.itemSize = number;
+            type.swap = order == '>' && number > 1;
+        }
+    }
+    return type;
+}
+
+// Fortran order (first index fastest) to C order (last index fastest).
+void fortranToC(std::span<const int64_t> shape, size_t itemSize, std::vector<uint8_t>& bytes) {
+    if (shape.size() < 2 || bytes.empty()) return;
+    std::vector<size_t> sizes(shape.begin(), shape.end());
+    std::vector<size_t> strides(sizes.size());  // in elements, of the Fortran layout
+    size_t stride = 1;
+    for (size_t d = 0; d < sizes.size(); ++d) {
+        strides[d] = stride;
+        stride *= sizes[d];
+    }
+    std::vector<uint8_t> result(bytes.size());
+    std::vector<size_t> index(sizes.size(), 0);
+    size_t source = 0;
+    for (size_t target = 0; target < stride; ++target) {
+        std::memcpy(&result[target * itemSize], &bytes[source * itemSize], itemSize);
+        for (size_t d = sizes.size(); d-- > 0;) {
+            source += strides[d];
+            if (++index[d] < sizes[d]) break;
+            source -= strides[d] * sizes[d];
+            index[d] = 0;
+        }
+    }
+    bytes = std::move(result);
+}
+
+void swapElements(size_t itemSize, std::vector<uint8_t>& bytes) {
+    for (size_t i = 0; i + itemSize <= bytes.size(); i += itemSize) {
+        std::reverse(bytes.begin() + static_cast<ptrdiff_t>(i),
+                     bytes.begin() + static_cast<ptrdiff_t>(i + itemSize));
+    }
+}
+
+void appendUtf8(uint32_t code, std::string& out) {
+    const auto put = [&](uint32_t byte) { out += static_cast<char>(byte); };
+    if (code < 0x80) {
+        put(code);
+    } else if (code < 0x800) {
+        put(0xC0 | (code >> 6));
+        put(0x80 | (code & 63));
+    } else if (code < 0x10000) {
+        put(0xE0 | (code >> 12));
+        put(0x80 | ((code >> 6) & 63));
+        put(0x80 | (code & 63));
+    } else {
+        put(0xF0 | (code >> 18));
+        put(0x80 | ((code >> 12) & 63));
+        put(0x80 | ((code >> 6) & 63));
+        put(0x80 | (code & 63));
+    }
+}
+
+// UTF-32 (kind U) or bytes (kind S) to equally long UTF-8 elements.
+void textToUtf8(char kind, size_t itemSize, size_t count, const std::string& where,
+                std::vector<uint8_t>& bytes) {
+    if (kind == 'S' || count == 0 || itemSize == 0) return;
+    std::vector<std::string> texts(count);
+    size_t width = 1;
+    for (size_t i = 0; i < count; ++i) {
+        for (size_t c = 0; c < itemSize / 4; ++c) {
+            const uint32_t code = loadAt<uint32_t>(bytes.data() + i * itemSize, c);
+            if (code == 0) break;
+            if (code > 0x10FFFF) throwInput("{}: holds text that is not Unicode", where);
+            appendUtf8(code, texts[i]);
+        }
+        width = std::max(width, texts[i].size());
+    }
+    bytes.assign(width * count, 0);
+    for (size_t i = 0; i < count; ++i) {
+        std::copy(texts[i].begin(), texts[i].end(), bytes.data() + i * width);
+    }
+}
+
+// ---- .npy ---------------------------------------------------------------------------------------
+
+struct NpyHeader {
+    std::string descr;
+    bool fortranOrder = false;
+    std::vector<int64_t> shape;
+    size_t dataOffset = 0;
+};
+
+// The header's dictionary: {'descr': '<f4', 'fortran_order': False, 'shape': (3, 4), }
+class HeaderParser {
+public:
+    HeaderParser(std::string_view text, const std::string& where) : text_(text), where_(where) {}
+
+    void parse(NpyHeader& header) {
+        bool haveDescr = false, haveOrder = false, haveShape = false;
+        expect('{');
+        while (!accept('}')) {
+            const std::string key = quoted();
+            expect(':');
+            if (key == "descr" && !haveDescr) {
+                haveDescr = true;
+                header.descr = peek() == '[' ? bracketed() : quoted();
+            } else if (key == "fortran_order" && !haveOrder) {
+                haveOrder = true;
+                header.fortranOrder = boolean();
+            } else if (key == "shape" && !haveShape) {
+                haveShape = true;
+                header.shape = tuple();
+            } else {
+                bad();
+            }
+            if (!accept(',') && peek() != '}') bad();
+        }
+        skipSpace();
+        if (position_ != text_.size() || !haveDescr || !haveOrder || !haveShape) bad();
+    }
+
+private:
+    [[noreturn]] void bad() const {
+        throwInput("{}: the .npy header is not as NumPy writes it (near byte {})", where_,
+                   position_);
+    }
+    void skipSpace() {
+        while (position_ < text_.size() && (text_[position_] == ' ' || text_[position_] == '\n')) {
+            ++position_;
+        }
+    }
+    char peek() {
+        skipSpace();
+        return position_ < text_.size() ? text_[position_] : '\0';
+    }
+    bool accept(char c) {
+        if (peek() != c) return false;
+        ++position_;
+        return true;
+    }
+    void expect(char c) {
+        if (!accept(c)) bad();
+    }
+    std::string quoted() {
+        const char quote = peek();
+        if (quote != '\'' && quote != '"') bad();
+        const size_t end = text_.find(quote, ++position_);
+        if (end == std::string_view::npos) bad();
+        std::string value(text_.substr(position_, end - position_));
+        if (value.find('\\') != std::string::npos) bad();
+        position_ = end + 1;
+        return value;
+    }
+    // A structured type: kept as text only, to be named in an error.
+    std::string bracketed() {
+        const size_t begin = position_;
+        int depth = 0;
+        for (; position_ < text_.size(); ++position_) {
+            const char c = text_[position_];
+            if (c == '[') ++depth;
+            if (c == ']' && --depth == 0) {
+                ++position_;
+                return std::string(text_.substr(begin, position_ - begin));
+            }
+        }
+        bad();
+    }
+    bool boolean() {
+        skipSpace();
+        for (const auto& [word, value] : {std::pair{"True", true}, std::pair{"False", false}}) {
+            if (text_.substr(position_).starts_with(word)) {
+                position_ += std::strlen(word);
+                return value;
+            }
+        }
+        bad();
+    }
+    std::vector<int64_t> tuple() {
+        std::vector<int64_t> sizes;
+        expect('(');
+        while (!accept(')')) {
+            if (sizes.size() == 32) bad();  // NumPy's own limit
+            const char first = peek();
+            if (first < '0' || first > '9') bad();
+            int64_t value = 0;
+            while (position_ < text_.size() && text_[position_] >= '0' && text_[position_] <= '9') {
+                if (value > (std::numeric_limits<int64_t>::max() - 9) / 10) bad();
+                value = value * 10 + (text_[position_++] - '0');
+            }
+            if (position_ < text_.size() && text_[position_] == 'L')
+                ++position_;  // Python 2's long
+            sizes.push_back(value);
+            if (!accept(',') && peek() != ')') bad();
+        }
+        return sizes;
+    }
+
+    std::string_view text_;
+    const std::string& where_;
+    size_t position_ = 0;
+};
+
+NpyHeader parseNpyHeader(std::span<const uint8_t> file, const std::string& where) {
+    constexpr uint8_t kMagic[] = {0x93, 'N', 'U', 'M', 'P', 'Y'};
+    if (file.size() < 10 || !std::equal(std::begin(kMagic), std::end(kMagic), file.begin())) {
+        throwInput("{}: expected a NumPy array (.npy), found other content or {} bytes only", where,
+                   file.size());
+    }
+    const int version = file[6];
+    if (version < 1 || version > 3) {
+        throwInput("{}: .npy version {}; expected 1, 2 or 3", where, version);
+    }
+    const size_t start = version == 1 ? 10 : 12;
+    if (file.size() < start) throwInput("{}: cut short in the .npy header", where);
+    const size_t length =
+        version == 1 ? loadAt<uint16_t>(&file[8], 0) : loadAt<uint32_t>(&file[8], 0);
+    if (length > file.size() - start) throwInput("{}: cut short in the .npy header", where);
+    NpyHeader header;
+    const std::string_view text(reinterpret_cast<const char*>(&file[0]) + start, length);
+    HeaderParser(text, where).parse(header);
+    header.dataOffset = start + length;
+    return header;
+}
+
+// Header only; the elements follow as they are in Array::bytes. Text is widened to UTF-32 in
+// `data`.
+std::string makeNpyHeader(const Array& array, std::vector<uint8_t>& data) {
+    CHECK(array.dtype != DType::other, "arrays of type other cannot be written");
+    std::string descr;
+    if (array.dtype == DType::text) {
+        const size_t count = static_cast<size_t>(array.count());
+        const size_t width = count == 0 ? 0 : array.bytes.size() / count;
+        bool ascii = true;
+        for (const uint8_t byte : array.bytes) ascii = ascii && byte < 128;
+        if (ascii) {  // as <U: what NumPy makes of a str
+            data.assign(array.bytes.size() * 4, 0);
+            for (size_t i = 0; i < array.bytes.size(); ++i) data[i * 4] = array.bytes[i];
+            descr = fmt::format("<U{}", width);
+        } else {
+            data = array.bytes;
+            descr = fmt::format("|S{}", width);
+        }
+    } else {
+        const DTypeInfo& type = info(array.dtype);
+        CHECK(array.bytes.size() == static_cast<size_t>(array.count()) * type.size,
+              "the bytes must fill the shape {}", array.shapeText());
+        descr = fmt::format("{}{}{}", type.size == 1 ? '|' : '<', type.kind, type.size);
+    }
+    std::string shape = "(";
+    for (size_t i = 0; i < array.shape.size(); ++i) {
+        shape += fmt::format("{}{}", i > 0 ? ", " : "", array.shape[i]);
+    }
+    if (array.shape.size() == 1) shape += ",";
+    shape += ")";
+    std::string text =
+        fmt::format("{{'descr': '{}', 'fortran_order': False, 'shape': {}, }}", descr, shape);
+    // Data starts at a multiple of 64, as NumPy has it for memory maps.
+    const size_t unpadded = 10 + text.size() + 1;
+    text.append((64 - unpadded % 64) % 64, ' ');
+    text += '\n';
+    std::string header = "\x93NUMPY\x01";
+    header += '\0';
+    header += static_cast<char>(text.size() & 255);
+    header += static_cast<char>(text.size() >> 8);
+    return header + text;
+}
+
+// ---- zip ----------------------------------------------------------------------------------------
+
+constexpr uint32_t kLocalSignature = 0x04034b50, kCentralSignature = 0x02014b50;
+constexpr uint32_t kEndSignature = 0x06054b50;
+constexpr uint32_t kEnd64Signature = 0x06064b50, kEnd64LocatorSignature = 0x07064b50;
+constexpr size_t kLocalSize = 30, kCentralSize = 46, kEndSize = 22, kEnd64Size = 56,
+                 kEnd64LocatorSize = 20;
+constexpr uint32_t kMax32 = 0xFFFFFFFF;
+
+struct ZipEntry {
+    std::string name;
+    uint16_t flags = 0, method = 0;
+    uint32_t crc = 0;
+    uint64_t packed = 0, size = 0, offset = 0;
+    uint64_t begin = 0;  // of the data
+};
+
+class ZipReader {
+public:
+    ZipReader(std::span<const uint8_t> file, const std::string& name, const NpzLimits& limits)
+        : file_(file), name_(name), limits_(limits) {}
+
+    std::vector<ZipEntry> entries() {
+        const size_t end = findEnd();
+        uint64_t count = read<uint16_t>(end + 10);
+        uint64_t directorySize = read<uint32_t>(end + 12);
+        uint64_t directory = read<uint32_t>(end + 16);
+        uint64_t limit = end;  // the directory ends before this
+        if (count == 0xFFFF || directorySize == kMax32 || directory == kMax32) {
+            if (end >= kEnd64LocatorSize &&
+                read<uint32_t>(end - kEnd64LocatorSize) == kEnd64LocatorSignature) {
+                const uint64_t end64 = read<uint64_t>(end - kEnd64LocatorSize + 8);
+                if (end64 > end - kEnd64LocatorSize ||
+                    end - kEnd64LocatorSize - end64 < kEnd64Size ||
+                    read<uint32_t>(end64) != kEnd64Signature) {
+                    damaged("its zip64 end record is missing");
+                }
+                count = read<uint64_t>(end64 + 32);
+                directorySize = read<uint64_t>(end64 + 40);
+                directory = read<uint64_t>(end64 + 48);
+                limit = end64;
+            }
+        }
+        if (directory > limit || directorySize > limit - directory) {
+            damaged("its directory lies outside the file");
+        }
+        if (count > limits_.maxArrays || count > directorySize / kCentralSize) {
+            throwInput("{}: claims {} arrays; expected at most {}", name_, count,
+                       std::min<uint64_t>(limits_.maxArrays, directorySize / kCentralSize));
+        }
+        std::vector<ZipEntry> result;
+        uint64_t at = directory;
+        const uint64_t directoryEnd = directory + directorySize;
+        for (uint64_t i = 0; i < count; ++i) result.push_back(entry(at, directoryEnd));
+        checkOverlap(result, directory);
+        checkTotals(result);
+        return result;
+    }
+
+    std::vector<uint8_t> unpack(const ZipEntry& entry, const std::string& where) const {
+        const std::span<const uint8_t> packed = file_.subspan(entry.begin, entry.packed);
+        std::vector<uint8_t> bytes;
+        if (entry.method == 0) {
+            bytes.assign(packed.begin(), packed.end());
+        } else {
+            bytes = inflateAll(packed, entry.size, where);
+        }
+        uLong crc = crc32_z(0, bytes.data(), bytes.size());
+        if (bytes.empty()) crc = 0;
+        if (crc != entry.crc) {
+            throwInput("{}: its CRC is {:08x}, expected {:08x}: the file is damaged", where, crc,
+                       entry.crc);
+        }
+        return bytes;
+    }
+
+private:
+    [[noreturn]] void damaged(const char* how) const {
+        throwInput("{}: not a whole npz (zip) file: {}; it may be cut short", name_, how);
+    }
+
+    template <typename T>
+    T read(uint64_t at) const {
+        if (at > file_.size() || file_.size() - at < sizeof(T)) damaged("a record is cut off");
+        return loadAt<T>(file_.data() + at, 0);
+    }
+
+    size_t findEnd() const {
+        if (file_.size() < 4 ||
+            (read<uint32_t>(0) != kLocalSignature && read<uint32_t>(0) != kEndSignature)) {
+            throwInput("{}: expected an npz (zip) file, found other content", name_);
+        }
+        // The record is followed by a comment of at most 65535 bytes.
+        if (file_.size() < kEndSize) damaged("its end is missing");
+        const size_t last = file_.size() - kEndSize;
+        const size_t first = last > 65535 ? last - 65535 : 0;
+        for (size_t at = last + 1; at-- > first;) {
+            if (read<uint32_t>(at) == kEndSignature &&
+                at + kEndSize + read<uint16_t>(at + 20) == file_.size()) {
+                if (read<uint16_t>(at + 4) != 0 ||
+                    read<uint16_t>(at + 8) != read<uint16_t>(at + 10)) {
+                    damaged("it is split over several files");
+                }
+                return at;
+            }
+        }
+        damaged("its end is missing");
+    }
+
+    ZipEntry entry(uint64_t& at, uint64_t end) const {
+        if (end - at < kCentralSize || read<uint32_t>(at) != kCentralSignature) {
+            damaged("its directory is broken");
+        }
+        ZipEntry entry;
+        entry.flags = read<uint16_t>(at + 8);
+        entry.method = read<uint16_t>(at + 10);
+        entry.crc = read<uint32_t>(at + 16);
+        entry.packed = read<uint32_t>(at + 20);
+        entry.size = read<uint32_t>(at + 24);
+        const uint64_t nameSize = read<uint16_t>(at + 28);
+        const uint64_t extraSize = read<uint16_t>(at + 30);
+        const uint64_t commentSize = read<uint16_t>(at + 32);
+        entry.offset = read<uint32_t>(at + 42);
+        at += kCentralSize;
+        if (end - at < nameSize + extraSize + commentSize) damaged("its directory is broken");
+        entry.name.assign(reinterpret_cast<const char*>(file_.data()) + at, nameSize);
+        zip64(file_.subspan(at + nameSize, extraSize), entry);
+        at += nameSize + extraSize + commentSize;
+
+        if (entry.flags & 1) throwInput("{}: {} is encrypted", name_, printable(entry.name));
+        if (entry.method != 0 && entry.method != 8) {
+            throwInput("{}: {} is packed with method {}; expected stored or deflated", name_,
+                       printable(entry.name), entry.method);
+        }
+        if (entry.offset > file_.size() || file_.size() - entry.offset < kLocalSize ||
+            read<uint32_t>(entry.offset) != kLocalSignature) {
+            damaged("an array's own header is missing");
+        }
+        entry.begin = entry.offset + kLocalSize + read<uint16_t>(entry.offset + 26) +
+                      read<uint16_t>(entry.offset + 28);
+        if (entry.begin > file_.size() || entry.packed > file_.size() - entry.begin) {
+            throwInput("{}: {} is cut short", name_, printable(entry.name));
+        }
+        if (entry.method == 0 && entry.packed != entry.size) {
+            throwInput("{}: {} is stored in {} bytes but claims {}", name_, printable(entry.name),
+                       entry.packed, entry.size);
+        }
+        return entry;
+    }
+
+    // Sizes of 4 GiB and more stand in an extra field, in this order, only those that do not fit.
+    void zip64(std::span<const uint8_t> extra, ZipEntry& entry) const {
+        while (extra.size() >= 4) {
+            const uint16_t id = loadAt<uint16_t>(extra.data(), 0);
+            const size_t size = loadAt<uint16_t>(extra.data(), 1);
+            if (size > extra.size() - 4) damaged("its directory is broken");
+            if (id == 1) {
+                std::span<const uint8_t> field = extra.subspan(4, size);
+                for (uint64_t* value : {&entry.size, &entry.packed, &entry.offset}) {
+                    if (*value != kMax32) continue;
+                    if (field.size() < 8) damaged("its directory is broken");
+                    *value = loadAt<uint64_t>(field.data(), 0);
+                    field = field.subspan(8);
+                }
+            }
+            extra = extra.subspan(4 + size);
+        }
+    }
+
+    // Entries that share bytes are how a small file claims to hold a huge one.
+    void checkOverlap(const std::vector<ZipEntry>& entries, uint64_t directory) const {
+        std::vector<std::pair<uint64_t, uint64_t>> ranges;
+        for (const ZipEntry& each : entries) {
+            ranges.emplace_back(each.offset, each.begin + each.packed);
+        }
+        std::sort(ranges.begin(), ranges.end());
+        for (size_t i = 0; i < ranges.size(); ++i) {
+            const uint64_t next = i + 1 < ranges.size() ? ranges[i + 1].first : directory;
+            if (ranges[i].second > next) {
+                throwInput("{}: its arrays overlap inside the file; it is damaged or hostile",
+                           name_);
+            }
+        }
+    }
+
+    void checkTotals(const std::vector<ZipEntry>& entries) const {
+        uint64_t total = 0, blownUp = 0;
+        for (const ZipEntry& each : entries) {
+            // Deflate never does better than 1032 to 1.
+            if (each.size / 1040 > each.packed + 1 || each.size > limits_.maxTotal ||
+                (total += each.size) > limits_.maxTotal) {
+                throwInput("{}: {} claims {} bytes unpacked; expected at most {} in all", name_,
+                           printable(each.name), each.size, limits_.maxTotal);
+            }
+            if (each.size / 100 > each.packed && (blownUp += each.size) > limits_.maxInflated) {
+                throwInput("{}: {} unpacks from {} to {} bytes: refused as a zip bomb", name_,
+                           printable(each.name), each.packed, each.size);
+            }
+        }
+    }
+
+    std::vector<uint8_t> inflateAll(std::span<const uint8_t> packed, uint64_t size,
+                                    const std::string& where) const {
+        z_stream stream{};
+        if (inflateInit2(&stream, -MAX_WBITS) != Z_OK) throwMachine("zlib: no memory");
+        struct Ender {
+            z_stream* stream;
+            ~Ender() { inflateEnd(stream); }
+        } ender{&stream};
+        std::vector<uint8_t> bytes;
+        size_t consumed = 0;
+        constexpr size_t kStep = size_t{16} << 20;
+        int status = Z_OK;
+        uint8_t beyond = 0;
+        while (status != Z_STREAM_END) {
+            if (stream.avail_in == 0 && consumed < packed.size()) {
+                const size_t step = std::min(kStep, packed.size() - consumed);
+                stream.next_in = const_cast<Bytef*>(packed.data() + consumed);
+                stream.avail_in = static_cast<uInt>(step);
+                consumed += step;
+            }
+            // Memory grows with what really arrives, never beyond the claimed size.
+            const size_t have = bytes.size();
+            const size_t room = static_cast<size_t>(std::min<uint64_t>(kStep, size - have));
+            if (room > 0) {
+                bytes.resize(have + room);
+                stream.next_out = bytes.data() + have;
+                stream.avail_out = static_cast<uInt>(room);
+            } else {
+                stream.next_out = &beyond;
+                stream.avail_out = 1;
+            }
+            const uInt offered = stream.avail_out;
+            const uInt input = stream.avail_in;
+            status = inflate(&stream, Z_NO_FLUSH);
+            const uInt made = offered - stream.avail_out;
+            if (room > 0) bytes.resize(have + made);
+            if (room == 0 && made > 0) {
+                throwInput("{}: unpacks to more than the {} bytes that it claims", where, size);
+            }
+            if (status == Z_MEM_ERROR) throwMachine("{}: zlib: no memory", where);
+            if ((status != Z_OK && status != Z_STREAM_END && status != Z_BUF_ERROR) ||
+                (made == 0 && input == stream.avail_in && status != Z_STREAM_END)) {
+                throwInput("{}: its packed bytes are damaged or cut short", where);
+            }
+        }
+        if (bytes.size() != size || stream.avail_in != 0 || consumed != packed.size()) {
+            throwInput("{}: unpacks to {} bytes, expected {}", where, bytes.size(), size);
+        }
+        return bytes;
+    }
+
+public:
+    // Names come from the file: nothing in them may reach a terminal raw.
+    static std::string printable(std::string_view name) {
+        std::string text;
+        for (const char c : name.substr(0, 100)) {
+            text += (static_cast<unsigned char>(c) < 32 || c == 127) ? '?' : c;
+        }
+        return text;
+    }
+
+private:
+    std::span<const uint8_t> file_;
+    const std::string& name_;
+    const NpzLimits& limits_;
+};
+
+class LittleEndian {
+public:
+    template <typename T>
+    LittleEndian& put(T value) {
+        const char* bytes = reinterpret_cast<const char*>(&value);
+        text_.append(bytes, sizeof(T));
+        return *this;
+    }
+    LittleEndian& put16(uint64_t value) { return put(static_cast<uint16_t>(value)); }
+    LittleEndian& put32(uint64_t value) { return put(static_cast<uint32_t>(value)); }
+    LittleEndian& append(std::string_view text) {
+        text_.append(text);
+        return *this;
+    }
+    const std::string& text() const { return text_; }
+
+private:
+    std::string text_;
+};
+
+// 1 January 1980, the first day of zip files: the same arrays give the same bytes.
+constexpr uint32_t kDate = (0u << 25 | 1u << 21 | 1u << 16);
+
+std::vector<uint8_t> deflateAll(std::string_view header, std::span<const uint8_t> data) {
+    z_stream stream{};
+    if (deflateInit2(&stream, 6, Z_DEFLATED, -MAX_WBITS, 8, Z_DEFAULT_STRATEGY) != Z_OK) {
+        throwMachine("zlib: no memory");
+    }
+    struct Ender {
+        z_stream* stream;
+        ~Ender() { deflateEnd(stream); }
+    } ender{&stream};
+    std::vector<uint8_t> packed;
+    std::vector<uint8_t> block(size_t{1} << 18);
+    const auto feed = [&](const uint8_t* bytes, size_t size, bool last) {
+        do {
+            const size_t step = std::min(size, size_t{1} << 30);
+            stream.next_in = const_cast<Bytef*>(bytes);
+            stream.avail_in = static_cast<uInt>(step);
+            bytes += step;
+            size -= step;
+            do {
+                stream.next_out = block.data();
+                stream.avail_out = static_cast<uInt>(block.size());
+                deflate(&stream, last && size == 0 ? Z_FINISH : Z_NO_FLUSH);
+                packed.insert(packed.end(), block.data(), stream.next_out);
+            } while (stream.avail_out == 0);
+        } while (size > 0);
+    };
+    feed(reinterpret_cast<const uint8_t*>(header.data()), header.size(), false);
+    feed(data.data(), data.size(), true);
+    return packed;
+}
+
+}  // namespace
+
+// ---- Array --------------------------------------------------------------------------------------
+
+const char* dtypeName(DType dtype) { return info(dtype).name; }
+size_t dtypeSize(DType dtype) { return info(dtype).size; }
+
+Array Array::f32(std::vector<int64_t> shape, std::span<const float> values) {
+    return makeArray(DType::f32, std::move(shape), values);
+}
+Array Array::f64(std::vector<int64_t> shape, std::span<const double> values) {
+    return makeArray(DType::f64, std::move(shape), values);
+}
+Array Array::i32(std::vector<int64_t> shape, std::span<const int32_t> values) {
+    return makeArray(DType::i32, std::move(shape), values);
+}
+Array Array::i64(std::vector<int64_t> shape, std::span<const int64_t> values) {
+    return makeArray(DType::i64, std::move(shape), values);
+}
+Array Array::u8(std::vector<int64_t> shape, std::span<const uint8_t> values) {
+    return makeArray(DType::u8, std::move(shape), values);
+}
+Array Array::scalarF32(float value) { return f32({}, std::span(&value, 1)); }
+Array Array::scalarF64(double value) { return f64({}, std::span(&value, 1)); }
+Array Array::scalarI64(int64_t value) { return i64({}, std::span(&value, 1)); }
+
+Array Array::text(std::string_view value) {
+    Array array;
+    array.dtype = DType::text;
+    array.bytes.assign(value.begin(), value.end());
+    if (array.bytes.empty()) array.bytes.push_back(0);
+    return array;
+}
+
+int64_t Array::count() const {
+    const std::optional<int64_t> count = product(shape);
+    CHECK(count.has_value(), "the shape {} of {} must be countable", shapeText(), where);
+    return *count;
+}
+
+std::string Array::shapeText() const { return shapeToText(shape); }
+
+std::vector<float> Array::toF32(std::string_view what) const {
+    requireNumbers(*this, what);
+    std::vector<float> result(static_cast<size_t>(count()));
+    if (dtype == DType::f32) {
+        CHECK(bytes.size() == result.size() * sizeof(float), "the bytes of {} must fill its shape",
+              where);
+        if (!bytes.empty()) std::memcpy(result.data(), bytes.data(), bytes.size());
+        return result;
+    }
+    visitNumbers(*this, [&](size_t i, auto value) {
+        if constexpr (std::is_same_v<decltype(value), double>) {
+            if (std::isfinite(value) && std::abs(value) > std::numeric_limits<float>::max()) {
+                throwInput("{}: {} at element {} is beyond the range of float32",
+                           nameOf(*this, what), value, i);
+            }
+        }
+        result[i] = static_cast<float>(value);
+    });
+    return result;
+}
+
+std::vector<double> Array::toF64(std::string_view what) const {
+    requireNumbers(*this, what);
+    std::vector<double> result(static_cast<size_t>(count()));
+    visitNumbers(*this, [&](size_t i, auto value) { result[i] = static_cast<double>(value); });
+    return result;
+}
+
+std::vector<int32_t> Array::toI32(std::string_view what) const {
+    return toIntegers<int32_t>(*this, what, "32-bit integers");
+}
+std::vector<int64_t> Array::toI64(std::string_view what) const {
+    return toIntegers<int64_t>(*this, what, "64-bit integers");
+}
+std::vector<uint8_t> Array::toU8(std::string_view what) const {
+    return toIntegers<uint8_t>(*this, what, "integers from 0 to 255");
+}
+
+double Array::scalar(std::string_view what) const {
+    requireNumbers(*this, what);
+    requireOne(*this, what);
+    return toF64(what).front();
+}
+
+int64_t Array::integer(std::string_view what) const {
+    requireNumbers(*this, what);
+    requireOne(*this, what);
+    if (!isFloat()) return toI64(what).front();
+    const double value = toF64(what).front();
+    // 2^53: beyond it a double no longer tells neighbouring integers apart.
+    if (!(std::abs(value) <= 9007199254740992.0) || value != std::floor(value)) {
+        throwInput("{}: expected a whole number, found {}", nameOf(*this, what), value);
+    }
+    return static_cast<int64_t>(value);
+}
+
+std::string Array::toText(std::string_view what) const {
+    if (dtype != DType::text) {
+        throwInput("{}: expected text, found {}", nameOf(*this, what), typeText(*this));
+    }
+    requireOne(*this, what);
+    const auto end = std::find(bytes.begin(), bytes.end(), uint8_t{0});
+    return std::string(bytes.begin(), end);
+}
+
+const Array& Array::requireShape(std::initializer_list<int64_t> expected,
+                                 std::string_view what) const {
+    const bool fits =
+        std::equal(shape.begin(), shape.end(), expected.begin(), expected.end(),
+                   [](int64_t have, int64_t want) { return want < 0 || have == want; });
+    if (!fits) {
+        throwInput("{}: expected shape {}, found {}", nameOf(*this, what),
+                   shapeToText(std::span(expected.begin(), expected.size())), shapeText());
+    }
+    return *this;
+}
+
+Array arrayFromRaw(std::string_view descr, std::vector<int64_t> shape, bool fortranOrder,
+                   std::span<const uint8_t> data, const std::string& where) {
+    Array array;
+    array.where = where;
+    array.shape = std::move(shape);
+    const std::optional<int64_t> count = product(array.shape);
+    if (!count) throwInput("{}: its shape {} is impossible", where, array.shapeText());
+    const RawType type = parseDescr(descr);
+    array.dtype = type.dtype;
+    if (type.dtype == DType::text || type.dtype == DType::other) {
+        array.descr = ZipReader::printable(descr);
+    }
+    if (type.dtype == DType::other) return array;
+
+    uint64_t expected = 0;
+    if (__builtin_mul_overflow(static_cast<uint64_t>(*count), type.itemSize, &expected) ||
+        expected != data.size()) {
+        throwInput("{}: expected {} elements of {} bytes for shape {}, found {} bytes", where,
+                   *count, type.itemSize, array.shapeText(), data.size());
+    }
+    // Only zero-width text has elements without bytes: they must not become memory.
+    if (type.itemSize == 0 && *count > 65536) {
+        throwInput("{}: {} empty texts; expected at most 65536", where, *count);
+    }
+    array.bytes.assign(data.begin(), data.end());
+    if (type.swap) swapElements(type.dtype == DType::text ? 4 : type.itemSize, array.bytes);
+    if (fortranOrder && type.itemSize > 0) fortranToC(array.shape, type.itemSize, array.bytes);
+    if (type.dtype == DType::text) {
+        textToUtf8(type.kind, type.itemSize, static_cast<size_t>(*count), where, array.bytes);
+    }
+    return array;
+}
+
+// ---- Npz ----------------------------------------------------------------------------------------
+
+const Array* Npz::find(std::string_view name) const {
+    for (const auto& [key, array] : arrays_) {
+        if (key == name) return &array;
+    }
+    return nullptr;
+}
+
+const Array& Npz::at(std::string_view name) const {
+    if (const Array* array = find(name)) return *array;
+    std::string present;
+    for (size_t i = 0; i < arrays_.size() && i < 20; ++i) {
+        present += (i > 0 ? ", " : "") + arrays_[i].first;
+    }
+    if (arrays_.size() > 20) present += ", …";
+    throwInput("{}: expected an array '{}', found {}", file.empty() ? "npz" : file, name,
+               present.empty() ? "none" : present);
+}
+
+void Npz::set(std::string name, Array array) {
+    for (auto& [key, old] : arrays_) {
+        if (key == name) {
+            old = std::move(array);
+            return;
+        }
+    }
+    arrays_.emplace_back(std::move(name), std::move(array));
+}
+
+Npz readNpz(const std::filesystem::path& path, const NpzLimits& limits) {
+    return npzFromBytes(readWholeFile(path, limits.maxFile), path.string(), limits);
+}
+
+Npz npzFromBytes(std::span<const uint8_t> file, const std::string& name, const NpzLimits& limits) {
+    ZipReader zip(file, name, limits);
+    Npz npz;
+    npz.file = name;
+    std::unordered_set<std::string> seen;
+    for (const ZipEntry& entry : zip.entries()) {
+        if (!entry.name.ends_with(".npy")) continue;
+        const std::string key =
+            ZipReader::printable(std::string_view(entry.name).substr(0, entry.name.size() - 4));
+        const std::string where = name + ": " + key;
+        if (!seen.insert(key).second) throwInput("{}: stands twice in the file", where);
+        npz.set(key, npyFromBytes(zip.unpack(entry, where), where));
+    }
+    return npz;
+}
+
+void writeNpz(const std::filesystem::path& path, const Npz& npz, bool compress) {
+    AtomicFile out(path);
+    LittleEndian directory;
+    uint64_t offset = 0;
+    for (const auto& [key, array] : npz) {
+        CHECK(!key.empty() && key.size() < 60000, "an array's name must be short and not empty");
+        const std::string name = key + ".npy";
+        std::vector<uint8_t> widened;
+        const std::string header = makeNpyHeader(array, widened);
+        const std::span<const uint8_t> data(array.dtype == DType::text ? widened : array.bytes);
+        const uint64_t size = header.size() + data.size();
+        uLong crc = crc32_z(0, reinterpret_cast<const Bytef*>(header.data()), header.size());
+        if (!data.empty()) crc = crc32_z(crc, data.data(), data.size());
+        std::vector<uint8_t> deflated;
+        if (compress) deflated = deflateAll(header, data);
+        const uint64_t packed = compress ? deflated.size() : size;
+
+        const bool bigSizes = size >= kMax32 || packed >= kMax32;
+        const bool bigOffset = offset >= kMax32;
+        const uint16_t version = bigSizes || bigOffset ? 45 : 20;
+        const uint16_t method = compress ? 8 : 0;
+        LittleEndian local;
+        local.put32(kLocalSignature).put16(version).put16(0x800).put16(method).put32(kDate);
+        local.put32(crc).put32(bigSizes ? kMax32 : packed).put32(bigSizes ? kMax32 : size);
+        local.put16(name.size()).put16(bigSizes ? 20 : 0).append(name);
+        if (bigSizes) local.put16(1).put16(16).put(size).put(packed);
+        out.write(local.text());
+        if (compress) {
+            out.write(deflated.data(), deflated.size());
+        } else {
+            out.write(header);
+            out.write(data.data(), data.size());
+        }
+
+        const uint64_t extra = (bigSizes ? 16u : 0u) + (bigOffset ? 8u : 0u);
+        directory.put32(kCentralSignature).put16(version).put16(version).put16(0x800);
+        directory.put16(method).put32(kDate).put32(crc);
+        directory.put32(bigSizes ? kMax32 : packed).put32(bigSizes ? kMax32 : size);
+        directory.put16(name.size()).put16(extra > 0 ? extra + 4 : 0).put16(0).put16(0).put16(0);
+        directory.put32(0).put32(bigOffset ? kMax32 : offset).append(name);
+        if (extra > 0) directory.put16(1).put16(extra);
+        if (bigSizes) directory.put(size).put(packed);
+        if (bigOffset) directory.put(offset);
+        offset += local.text().size() + packed;
+    }
+    const uint64_t count = npz.size();
+    const uint64_t directorySize = directory.text().size();
+    LittleEndian end;
+    const bool big = count >= 0xFFFF || directorySize >= kMax32 || offset >= kMax32;
+    if (big) {
+        end.put32(kEnd64Signature).put(uint64_t{44}).put16(45).put16(45).put32(0).put32(0);
+        end.put(count).put(count).put(directorySize).put(offset);
+        end.put32(kEnd64LocatorSignature).put32(0).put(offset + directorySize).put32(1);
+    }
+    end.put32(kEndSignature).put16(0).put16(0).put16(big ? 0xFFFF : count);
+    end.put16(big ? 0xFFFF : count).put32(big ? kMax32 : directorySize);
+    end.put32(big ? kMax32 : offset).put16(0);
+    out.write(directory.text());
+    out.write(end.text());
+    out.commit();
+}
+
+Array readNpy(const std::filesystem::path& path, const NpzLimits& limits) {
+    return npyFromBytes(readWholeFile(path, std::min(limits.maxFile, limits.maxTotal)),
+                        path.string());
+}
+
+Array npyFromBytes(std::span<const uint8_t> file, const std::string& where) {
+    NpyHeader header = parseNpyHeader(file, where);
+    return arrayFromRaw(header.descr, std::move(header.shape), header.fortranOrder,
+                        file.subspan(header.dataOffset), where);
+}
+
+void writeNpy(const std::filesystem::path& path, const Array& array) {
+    std::vector<uint8_t> widened;
+    const std::string header = makeNpyHeader(array, widened);
+    const std::vector<uint8_t>& data = array.dtype == DType::text ? widened : array.bytes;
+    AtomicFile out(path);
+    out.write(header);
+    out.write(data.data(), data.size());
+    out.commit();
+}
+
+}  // namespace doppel
