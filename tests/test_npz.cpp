@@ -149,7 +149,7 @@ TEST(Npz, sameArraysGiveTheSameBytes) {
 TEST(Npz, manyArraysAndLargeOnes) {
     Folder folder;
     Npz npz;
-    for (int i = 0; i < 1000; ++i) npz.set("a" + std::to_string(i), Array::scalarI64(i));
+    for (int i = 0; i < 1000; ++i) npz.set(fmt::format("a{}", i), Array::scalarI64(i));
     std::vector<float> large(3'000'001);
     std::mt19937 random(1);
     for (float& value : large) value = static_cast<float>(random() % 1000);
