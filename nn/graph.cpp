@@ -149,6 +149,10 @@ void Graph::differentiate(std::vector<Tensor> inputs, std::vector<Tensor> output
         {ops_.back().name, std::move(inputs), std::move(outputs), std::move(backward)});
 }
 
+void Graph::watch(const Tensor& tensor) {
+    storages_[size_t(tensor.storage)].differentiable = true;
+}
+
 bool Graph::wantsGradient(const Tensor& tensor) const {
     return tensor && storages_[size_t(tensor.storage)].differentiable;
 }

@@ -100,6 +100,8 @@ public:
     // that wantsGradient() writes all of gradientTarget(input).
     void differentiate(std::vector<Tensor> inputs, std::vector<Tensor> outputs,
                        std::function<void()> backward);
+    // Computes a gradient for this tensor though no op hands one on (a row of a trained table).
+    void watch(const Tensor& tensor);
     bool wantsGradient(const Tensor& tensor) const;
     bool hasGradient(const Tensor& tensor) const;
     Tensor gradient(const Tensor& output);  // zeros where nothing flowed back to this output

@@ -1,0 +1,68 @@
+#include <algorithm>
+
+#include "tests/op_test.h"
+
+namespace doppel {
+namespace {
+
+TEST(Fit, SelectRow) {
+    for (int offset : {-3, 0, 1, 9})
+        checkOp("select_row", {.inputs = {{"table", random({5, 13})}},
+                               .integers = {{"index", indices({3}, {7, 2, 4})}},
+                               .attributes = {{"word", 1}, {"offset", offset}},
+                               .reference = [=](const Values& v) -> Values {
+                                   int row = std::clamp(2 + offset, 0, 4);
+                                   auto begin = v.at("table").data.begin() + row * 13;
+                                   return {{"row", {{13}, {begin, begin + 13}}}};
+                               }});
+    expectInputError(
+        [] {
+            Npz in;
+            in.set("table", Array::f32({1, 1}, std::vector<float>{1}));
+            in.set("index", Array::i32({1}, std::vector<int32_t>{0}));
+            in.set("attr_word", Array::scalarF32(1));
+            Op::find("select_row")->run(testDevice(), in, {});
+        },
+        "attr_word");
+}
+
+TEST(Fit, PoseCorrection) {
+    checkOp("pose_correction",
+            {.inputs = {{"start", random({75}, 1)}, {"correction", random({75}, 2)}},
+             .attributes = {{"trans_scale", 0.5}},
+             .reference = [](const Values& v) -> Values {
+                 Value theta{{72}, {}}, trans{{3}, {}};
+                 for (size_t i = 0; i < 75; ++i) {
+                     double c = v.at("correction").data[i], s = v.at("start").data[i];
+                     (i < 72 ? theta : trans).data.push_back(s + (i < 72 ? c : 0.5 * c));
+                 }
+                 return {{"theta", theta}, {"trans", trans}};
+             }});
+}
+
+TEST(Fit, PosePrior) {
+    checkOp("pose_prior",
+            {.inputs = {{"correction", random({75}, 1)},
+                        {"before", random({75}, 2)},
+                        {"after", random({75}, 3)},
+                        {"joint_weight", uniform({24}, 0.5, 2)},
+                        {"beta", random({10}, 4)}},
+             .attributes = {{"pose", 0.3}, {"trans", 0.7}, {"smooth", 0.2}, {"shape", 0.05}},
+             .reference = [](const Values& v) -> Values {
+                 auto at = [&](const char* name, size_t i) { return v.at(name).data[i]; };
+                 double sum = 0;
+                 for (size_t i = 0; i < 75; ++i) {
+                     double c = at("correction", i);
+                     double stay =
+                         i < 72 ? at("pose", 0) * at("joint_weight", i / 3) : at("trans", 0);
+                     double bend = c - (at("before", i) + at("after", i)) / 2;
+                     sum += stay * c * c + at("smooth", 0) * bend * bend;
+                 }
+                 for (size_t i = 0; i < 10; ++i)
+                     sum += at("shape", 0) * at("beta", i) * at("beta", i);
+                 return {{"loss", {{}, {sum}}}};
+             }});
+}
+
+}  // namespace
+}  // namespace doppel
