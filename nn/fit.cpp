@@ -1,5 +1,7 @@
 #include "nn/fit.h"
 
+#include <array>
+
 #include "fit/params.h"
 #include "nn/op.h"
 
@@ -111,6 +113,48 @@ static const Op kPosePrior{{
             PosePriorWeights weights{c.f("pose"), c.f("trans"), c.f("smooth"), c.f("shape")};
             c.result("loss", posePrior(c.graph, c["correction"], c["before"], c["after"],
                                        c["joint_weight"], c["beta"], weights));
+        },
+}};
+
+Tensor weightedSum(Graph& graph, const std::vector<WeightedTerm>& terms) {
+    CHECK(!terms.empty() && terms.size() <= 4, "a weighted sum has one to four terms");
+    // Missing terms repeat the first one with weight 0.
+    std::array<Tensor, 4> t;
+    std::array<float, 4> w{};
+    for (size_t i = 0; i < 4; ++i) {
+        t[i] = terms[i < terms.size() ? i : 0].term;
+        w[i] = i < terms.size() ? terms[i].weight : 0.0f;
+    }
+    Tensor loss = graph.temporary({});
+    WeightedSumParams params{w[0], w[1], w[2], w[3]};
+    graph.beginOp("weighted_sum");
+    graph.dispatch("fit/weighted_sum.forward",
+                   {{"a", t[0]}, {"b", t[1]}, {"c", t[2]}, {"d", t[3]}, {"loss", loss}}, params, 1);
+    std::vector<Tensor> inputs(t.begin(), t.begin() + static_cast<long>(terms.size()));
+    graph.differentiate(inputs, {loss}, [=, &graph] {
+        for (size_t i = 0; i < inputs.size(); ++i) {
+            if (!graph.wantsGradient(inputs[i])) continue;
+            graph.dispatch(
+                "fit/weighted_sum.backward",
+                {{"dloss", graph.gradient(loss)}, {"dterm", graph.gradientTarget(inputs[i])}},
+                WeightedSumParams{w[i], 0, 0, 0}, 1);
+        }
+    });
+    return loss;
+}
+
+static const Op kWeightedSum{{
+    .name = "weighted_sum",
+    .inputs = "a[] b[]? c[]? d[]?",
+    .attributes = "weight_a=1 weight_b=1 weight_c=1 weight_d=1",
+    .outputs = "loss",
+    .differentiable = "a b c d",
+    .build =
+        [](OpCall& c) {
+            std::vector<WeightedTerm> terms;
+            for (std::string name : {"a", "b", "c", "d"})
+                if (c[name]) terms.push_back({c[name], c.f("weight_" + name)});
+            c.result("loss", weightedSum(c.graph, terms));
         },
 }};
 

@@ -31,4 +31,11 @@ struct PosePriorWeights {
 Tensor posePrior(Graph& graph, const Tensor& correction, const Tensor& before, const Tensor& after,
                  const Tensor& jointWeight, const Tensor& beta, const PosePriorWeights& weights);
 
+// loss = Σ weight · term, for one to four scalar terms. loss []; gradient to every term.
+struct WeightedTerm {
+    Tensor term;
+    float weight;
+};
+Tensor weightedSum(Graph& graph, const std::vector<WeightedTerm>& terms);
+
 }  // namespace doppel

@@ -64,5 +64,25 @@ TEST(Fit, PosePrior) {
              }});
 }
 
+TEST(Fit, WeightedSum) {
+    auto reference = [](const Values& v) -> Values {
+        double sum = 0;
+        for (std::string name : {"a", "b", "c", "d"})
+            if (v.contains(name)) sum += v.at("weight_" + name).data[0] * v.at(name).data[0];
+        return {{"loss", {{}, {sum}}}};
+    };
+    checkOp("weighted_sum", {.inputs = {{"a", random({}, 1)}},
+                             .attributes = {{"weight_a", 3}},
+                             .reference = reference});
+    checkOp(
+        "weighted_sum",
+        {.inputs = {{"a", random({}, 1)},
+                    {"b", random({}, 2)},
+                    {"c", random({}, 3)},
+                    {"d", random({}, 4)}},
+         .attributes = {{"weight_a", 1}, {"weight_b", -2}, {"weight_c", 0.5}, {"weight_d", 100}},
+         .reference = reference});
+}
+
 }  // namespace
 }  // namespace doppel

@@ -15,5 +15,8 @@ struct PoseCorrectionParams {
 struct PosePriorParams {
     float pose, trans, smoothness, shape;  // weights
 };
+struct WeightedSumParams {
+    float weightA, weightB, weightC, weightD;
+};
 SHARED_END
 #endif
