@@ -1,0 +1,93 @@
+// What each subcommand of `doppel` is asked to do. cli.cpp fills these in from the command line and
+// calls the functions; each lives in commands_<name>.cpp. Results go to stdout (as one JSON object
+// with common.json), progress to stderr; failures are thrown.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "trainer/preset.h"
+
+namespace doppel {
+
+struct CommonOptions {
+    std::string device;  // part of a name or an index; empty: the best one
+    uint64_t seed = 1;
+    bool json = false;
+    std::string commandLine;  // as typed, for provenance
+};
+
+struct DevicesOptions {
+    CommonOptions common;
+};
+
+struct ImportOptions {
+    CommonOptions common;
+    std::filesystem::path source, out;
+    std::string body;  // "default", "default-full" or a file
+    bool key = false;  // make masks from a green screen where none are given
+    double fps = 30;
+    std::string frames;  // selectFrames; empty: all
+    bool overlays = true;
+};
+
+struct FitOptions {
+    CommonOptions common;
+    std::filesystem::path capture, out;
+    std::string body, frames;
+    Preset preset;
+};
+
+struct TrainOptions {
+    CommonOptions common;
+    std::filesystem::path capture, out;
+    std::string body, frames;
+    std::vector<std::string> stages;  // of "fit", "mesh", "texture", in this order
+    Preset preset;
+    bool resume = false;         // from the checkpoint in the avatar's folder
+    double pictureSeconds = 60;  // a picture of the state this often; 0: none
+    uint64_t memoryBudget = 0;   // bytes for the graph's temporaries; 0: what the device has
+};
+
+struct RenderOptions {
+    CommonOptions common;
+    std::filesystem::path avatar, motion, out;  // out: a folder for PNGs, or FILE.mp4
+    std::string frames;
+    std::string camera = "capture";      // "capture", "turntable", or a cameras.npz
+    std::string background = "capture";  // "capture", or a colour "#rrggbb"
+    int size = 0;                        // pixels of the larger side; 0: the camera's
+    double fps = 0;                      // 0: the motion's
+};
+
+struct EvalOptions {
+    CommonOptions common;
+    std::filesystem::path avatar, capture;
+    std::string frames;
+    bool fitTestPoses = false;
+    std::filesystem::path pictures;  // a folder for render, frame and error side by side; empty: no
+};
+
+struct ExportOptions {
+    CommonOptions common;
+    std::filesystem::path avatar, out, motion;  // motion may be empty
+    std::string frames;
+};
+
+struct DemoOptions {
+    CommonOptions common;
+    std::filesystem::path out = "out/demo";
+    Preset preset;
+};
+
+void runDevices(const DevicesOptions& options);
+void runImport(const ImportOptions& options);
+void runFit(const FitOptions& options);
+void runTrain(const TrainOptions& options);
+void runRender(const RenderOptions& options);
+void runEval(const EvalOptions& options);
+void runExport(const ExportOptions& options);
+void runDemo(const DemoOptions& options);
+
+}  // namespace doppel

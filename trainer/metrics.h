@@ -1,0 +1,55 @@
+// Figures that compare renders with frames, on the host in double precision.
+//
+// Colours are sRGB-encoded values in [0,1]; MSE is in 8-bit units (255² per unit), PSNR is
+// 10 log10(1 / mse of [0,1] values). SSIM: 11×11 Gaussian window, σ 1.5, K1 .01, K2 .03, zero
+// padding, as the op `ssim`; per channel, then the mean of the channels. The SSIM of the body is
+// the mean of the whole frame's SSIM map over the body's pixels.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace doppel {
+
+// |a ∧ b| / |a ∨ b| of masks, each [H][W], > 0 inside. 1 where both are empty.
+double intersectionOverUnion(std::span<const uint8_t> a, std::span<const uint8_t> b);
+
+struct PictureDifference {
+    double mse = 0;   // 8-bit units
+    double psnr = 0;  // dB; 99 where the pictures are equal
+    double ssim = 0;
+};
+
+// a, b: [H][W][3]. mask: [H][W], > 0 counts; empty: the whole frame. An empty mask region gives
+// mse 0, psnr 99, ssim 1.
+PictureDifference comparePictures(std::span<const float> a, std::span<const float> b, int width,
+                                  int height, std::span<const uint8_t> mask = {});
+
+// The SSIM map [H][W], mean over the channels.
+std::vector<double> ssimMap(std::span<const float> a, std::span<const float> b, int width,
+                            int height);
+
+struct FrameMetrics {
+    std::string name;
+    double iou = 0, psnrBody = 0, psnrFrame = 0, ssimBody = 0, ssimFrame = 0, mseFrame = 0;
+};
+
+// rendered and frame: [H][W][3], the render composited on the capture's background. silhouette and
+// mask: [H][W], > 0 the person. The body's region is the mask.
+FrameMetrics measureFrame(std::string name, std::span<const float> rendered,
+                          std::span<const float> frame, std::span<const uint8_t> silhouette,
+                          std::span<const uint8_t> mask, int width, int height);
+
+// Means over the frames.
+FrameMetrics meanMetrics(std::span<const FrameMetrics> frames);
+
+// One object: frames (their number), iou, psnr_body, psnr_frame, ssim_body, ssim_frame, mse_frame,
+// settings (the given pairs in order), per_frame where asked for.
+std::string metricsJson(std::span<const FrameMetrics> frames,
+                        const std::vector<std::pair<std::string, std::string>>& settings,
+                        bool perFrame = false);
+
+}  // namespace doppel

@@ -1,0 +1,87 @@
+// What a long run tells while it goes: progress on stderr, curves in files, and whether the user
+// pressed Ctrl-C.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace doppel {
+
+// The user interrupted: exit 130. Thrown by stages once their checkpoint is on disk.
+struct Interrupted {
+    std::string
+        kept;  // what is left of the work: "checkpoint avatar/checkpoints/mesh"; may be empty
+};
+
+// From now on the first SIGINT makes interrupted() true; the second one ends the program as it
+// would have without us.
+void catchInterrupts();
+bool interrupted();
+
+// One line that is rewritten on a terminal; a line every ten seconds, and the last, where stderr is
+// a file or a pipe.
+//
+//     Progress progress("mesh", steps);
+//     progress.update(step, {{"loss", loss}, {"iou", iou}});   // "mesh 120/400 loss .213 1:20
+//     left"
+class Progress {
+public:
+    using Values = std::vector<std::pair<std::string, double>>;
+
+    Progress(std::string what, int64_t total);
+    ~Progress();  // leaves the last line on the terminal
+    Progress(const Progress&) = delete;
+    Progress& operator=(const Progress&) = delete;
+
+    void update(int64_t done, const Values& values = {});
+    // A line of its own, above the progress.
+    void note(std::string_view text);
+
+    // What update() would print now, for tests: seconds since the start given.
+    std::string line(int64_t done, const Values& values, double seconds) const;
+
+private:
+    void print(const std::string& text, bool last);
+
+    std::string what_;
+    int64_t total_, done_ = 0, first_ = -1;  // first: where a resumed run began
+    bool terminal_;
+    std::chrono::steady_clock::time_point start_, lastPrint_;
+    std::string last_;
+    bool printed_ = false;
+};
+
+// "1:05:07", "2:09", "0:03".
+std::string clockText(double seconds);
+
+// Curves of one stage: DIR/losses.csv (step,stage and a column per value) and TensorBoard events in
+// DIR/events. Opening it again appends, after cutting off what lies at or beyond `firstStep`, so a
+// resumed run has one curve.
+class LossLog {
+public:
+    LossLog(const std::filesystem::path& folder, std::string stage,
+            std::vector<std::string> columns, int64_t firstStep = 0);
+    ~LossLog();
+    LossLog(const LossLog&) = delete;
+    LossLog& operator=(const LossLog&) = delete;
+
+    // values: one per column, in their order. InputError never; MachineError where the disk is
+    // full.
+    void add(int64_t step, const std::vector<double>& values);
+    void flush();
+
+private:
+    struct Files;
+    std::unique_ptr<Files> files_;
+    std::string stage_;
+    std::vector<std::string> columns_;
+};
+
+}  // namespace doppel
