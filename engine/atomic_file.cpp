@@ -8,6 +8,7 @@
 #include <atomic>
 #include <cerrno>
 #include <cstring>
+#include <limits>
 #include <utility>
 
 #include "engine/error.h"
@@ -104,7 +105,10 @@ void AtomicFile::commit() {
     pending_ = false;
 }
 
-std::vector<uint8_t> readWholeFile(const fs::path& path, uint64_t limit) {
+namespace {
+
+// `wanted` bytes from the start, or all of them.
+std::vector<uint8_t> readFile(const fs::path& path, uint64_t limit, uint64_t wanted) {
     // O_NONBLOCK: opening a pipe without a writer must not hang; it is refused just below.
     const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     if (descriptor < 0) throwInput("{}: cannot read it: {}", path.string(), std::strerror(errno));
@@ -123,7 +127,7 @@ std::vector<uint8_t> readWholeFile(const fs::path& path, uint64_t limit) {
     if (size > limit) {
         throwInput("{}: {} bytes; expected at most {}", path.string(), size, limit);
     }
-    std::vector<uint8_t> bytes(size);
+    std::vector<uint8_t> bytes(std::min(size, wanted));
     size_t done = 0;
     while (done < bytes.size()) {
         const ssize_t got =
@@ -138,6 +142,16 @@ std::vector<uint8_t> readWholeFile(const fs::path& path, uint64_t limit) {
     }
     bytes.resize(done);
     return bytes;
+}
+
+}  // namespace
+
+std::vector<uint8_t> readWholeFile(const fs::path& path, uint64_t limit) {
+    return readFile(path, limit, limit);
+}
+
+std::vector<uint8_t> readFileHead(const fs::path& path, size_t size) {
+    return readFile(path, std::numeric_limits<uint64_t>::max(), size);
 }
 
 void writeWholeFile(const fs::path& path, std::span<const uint8_t> bytes) {

@@ -56,6 +56,9 @@ private:
 std::vector<uint8_t> readWholeFile(const std::filesystem::path& path,
                                    uint64_t limit = uint64_t{16} << 30);
 
+// The first bytes only, at most `size`; the same errors.
+std::vector<uint8_t> readFileHead(const std::filesystem::path& path, size_t size);
+
 // write + commit in one call.
 void writeWholeFile(const std::filesystem::path& path, std::span<const uint8_t> bytes);
 

@@ -150,17 +150,17 @@ TEST(Npz, manyArraysAndLargeOnes) {
     Folder folder;
     Npz npz;
     for (int i = 0; i < 1000; ++i) npz.set(fmt::format("a{}", i), Array::scalarI64(i));
-    std::vector<float> large(3'000'001);
+    std::vector<float> large(300'001);
     std::mt19937 random(1);
     for (float& value : large) value = static_cast<float>(random() % 1000);
-    npz.set("large", Array::f32({3'000'001}, large));
-    npz.set("zeros", Array::f32({5'000'000}, std::vector<float>(5'000'000)));
+    npz.set("large", Array::f32({300'001}, large));
+    npz.set("zeros", Array::f32({2'000'000}, std::vector<float>(2'000'000)));
     writeNpz(folder / "many.npz", npz, true);
     const Npz back = readNpz(folder / "many.npz");
     ASSERT_EQ(back.size(), 1002u);
     EXPECT_EQ(back.at("a999").integer(), 999);
     EXPECT_EQ(back.at("large").toF32(), large);
-    EXPECT_EQ(back.at("zeros").count(), 5'000'000);
+    EXPECT_EQ(back.at("zeros").count(), 2'000'000);
 }
 
 TEST(Npz, readsWhatOtherProgramsWrite) {

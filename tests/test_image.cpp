@@ -1,0 +1,325 @@
+// Pictures and masks: kinds of files, orientation, conversion, resizing, refusals.
+#include "engine/io/image.h"
+
+#include <gtest/gtest.h>
+#include <zlib.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <random>
+
+#include "engine/atomic_file.h"
+#include "engine/error.h"
+#include "tests/files.h"
+
+namespace doppel {
+namespace {
+
+using test::Folder;
+using test::messageOf;
+using Bytes = std::vector<uint8_t>;
+
+void put32(Bytes& out, uint32_t value) {
+    for (int shift = 24; shift >= 0; shift -= 8)
+        out.push_back(static_cast<uint8_t>(value >> shift));
+}
+
+void chunk(Bytes& out, const char* type, const Bytes& data) {
+    put32(out, static_cast<uint32_t>(data.size()));
+    Bytes body(type, type + 4);
+    body.insert(body.end(), data.begin(), data.end());
+    out.insert(out.end(), body.begin(), body.end());
+    put32(out, static_cast<uint32_t>(crc32(0, body.data(), static_cast<uInt>(body.size()))));
+}
+
+// A PNG by hand: kinds that writeImage does not write. Rows come without their filter byte.
+Bytes png(uint32_t width, uint32_t height, int depth, int colourType,
+          const std::vector<Bytes>& rows, const Bytes& palette = {}) {
+    Bytes out = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
+    Bytes header;
+    put32(header, width);
+    put32(header, height);
+    for (const int value : {depth, colourType, 0, 0, 0})
+        header.push_back(static_cast<uint8_t>(value));
+    chunk(out, "IHDR", header);
+    if (!palette.empty()) chunk(out, "PLTE", palette);
+    Bytes raw;
+    for (const Bytes& row : rows) {
+        raw.push_back(0);
+        raw.insert(raw.end(), row.begin(), row.end());
+    }
+    Bytes packed(compressBound(raw.size()));
+    uLongf size = packed.size();
+    compress(packed.data(), &size, raw.data(), raw.size());
+    packed.resize(size);
+    chunk(out, "IDAT", packed);
+    chunk(out, "IEND", {});
+    return out;
+}
+
+// An uncompressed OpenEXR of one row of float RGB.
+Bytes exr(const std::vector<float>& rgb) {
+    Bytes out = {0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0};
+    const auto bytes = [&](const void* data, size_t size) {
+        const uint8_t* begin = static_cast<const uint8_t*>(data);
+        out.insert(out.end(), begin, begin + size);
+    };
+    const auto i32 = [&](int32_t value) { bytes(&value, 4); };
+    const auto f32 = [&](float value) { bytes(&value, 4); };
+    const auto attribute = [&](const char* name, const char* type, int32_t size) {
+        bytes(name, std::strlen(name) + 1);
+        bytes(type, std::strlen(type) + 1);
+        i32(size);
+    };
+    const int32_t width = static_cast<int32_t>(rgb.size() / 3);
+    attribute("channels", "chlist", 3 * 18 + 1);
+    for (const char* name : {"B", "G", "R"}) {
+        bytes(name, 2);
+        for (const int32_t value : {2, 0, 1, 1}) i32(value);
+    }
+    out.push_back(0);
+    attribute("compression", "compression", 1);
+    out.push_back(0);
+    for (const char* window : {"dataWindow", "displayWindow"}) {
+        attribute(window, "box2i", 16);
+        for (const int32_t value : {0, 0, width - 1, 0}) i32(value);
+    }
+    attribute("lineOrder", "lineOrder", 1);
+    out.push_back(0);
+    attribute("pixelAspectRatio", "float", 4);
+    f32(1);
+    attribute("screenWindowCenter", "v2f", 8);
+    f32(0);
+    f32(0);
+    attribute("screenWindowWidth", "float", 4);
+    f32(1);
+    out.push_back(0);
+    const uint64_t offset = out.size() + 8;
+    bytes(&offset, 8);
+    i32(0);
+    i32(width * 12);
+    for (const size_t channel : {2u, 1u, 0u}) {
+        for (size_t x = 0; x < rgb.size() / 3; ++x) f32(rgb[x * 3 + channel]);
+    }
+    return out;
+}
+
+// A JPEG with an EXIF segment that says how the camera was held.
+Bytes withOrientation(const Bytes& jpeg, uint8_t orientation) {
+    const Bytes exif = {0xFF, 0xE1, 0, 34, 'E', 'x',         'i', 'f', 0,    0,    'M', 'M',
+                        0,    42,   0, 0,  0,   8,           0,   1,   0x01, 0x12, 0,   3,
+                        0,    0,    0, 1,  0,   orientation, 0,   0,   0,    0,    0,   0};
+    Bytes out(jpeg.begin(), jpeg.begin() + 2);
+    out.insert(out.end(), exif.begin(), exif.end());
+    out.insert(out.end(), jpeg.begin() + 2, jpeg.end());
+    return out;
+}
+
+Image noise(int width, int height, int channels, unsigned seed) {
+    Image image(width, height, channels);
+    std::mt19937 random(seed);
+    for (uint8_t& value : image.data) value = static_cast<uint8_t>(random());
+    return image;
+}
+
+TEST(Image, pngKeepsEveryBit) {
+    Folder folder;
+    for (const int channels : {1, 3, 4}) {
+        const Image image = noise(37, 23, channels, 1);
+        writeImage(folder / "a.png", image);
+        const Image back = readImage(folder / "a.png", channels);
+        EXPECT_EQ(back.width, 37);
+        EXPECT_EQ(back.height, 23);
+        EXPECT_EQ(back.data, image.data) << channels << " channels";
+        EXPECT_EQ(imageSize(folder / "a.png"), (ImageSize{37, 23}));
+        EXPECT_EQ(encodePng(image), readWholeFile(folder / "a.png")) << "the same bytes again";
+    }
+    EXPECT_EQ(folder.names(), std::vector<std::string>{"a.png"});
+}
+
+TEST(Image, channelsAsAsked) {
+    const Image grey = decodeImage(png(2, 1, 8, 0, {{10, 200}}), "g", 3);
+    EXPECT_EQ(grey.data, (Bytes{10, 10, 10, 200, 200, 200}));
+    const Bytes rgb = png(1, 1, 8, 2, {{255, 0, 0}});
+    EXPECT_EQ(decodeImage(rgb, "c", 1).data, Bytes{54}) << "0.2126 of red";
+    EXPECT_EQ(decodeImage(rgb, "c", 4).data, (Bytes{255, 0, 0, 255}));
+    EXPECT_EQ(decodeImage(rgb, "c", 0).channels, 3);
+    const Bytes rgba = png(1, 1, 8, 6, {{100, 150, 200, 10}});
+    EXPECT_EQ(decodeImage(rgba, "a", 3).data, (Bytes{100, 150, 200})) << "alpha does not darken";
+    EXPECT_EQ(decodeImage(rgba, "a", 0).data, (Bytes{100, 150, 200, 10}));
+    const Bytes greyAlpha = png(1, 1, 8, 4, {{100, 7}});
+    EXPECT_EQ(decodeImage(greyAlpha, "ga", 4).data, (Bytes{100, 100, 100, 7}));
+    EXPECT_EQ(decodeImage(greyAlpha, "ga", 1).data, Bytes{100});
+}
+
+TEST(Image, otherDepths) {
+    const Bytes deep = png(3, 1, 16, 0, {{0, 0, 0x80, 0x80, 0xFF, 0xFF}});
+    EXPECT_EQ(decodeImage(deep, "16", 1).data, (Bytes{0, 0x80, 255}));
+    const Bytes bits = png(8, 1, 1, 0, {{0b10100001}});
+    EXPECT_EQ(decodeImage(bits, "1", 1).data, (Bytes{255, 0, 255, 0, 0, 0, 0, 255}));
+    const Bytes indexed = png(2, 1, 8, 3, {{1, 0}}, {9, 8, 7, 1, 2, 3});
+    EXPECT_EQ(decodeImage(indexed, "p", 3).data, (Bytes{1, 2, 3, 9, 8, 7}));
+    // Linear 0.2159 is 128 encoded; out of range and NaN become the ends.
+    const Bytes linear = exr({0.2159f, 1.0f, 0.0f, 7.0f, -1.0f, NAN});
+    EXPECT_EQ(decodeImage(linear, "exr", 3).data, (Bytes{128, 255, 0, 255, 0, 0}));
+}
+
+TEST(Image, jpegIsCloseAndOriented) {
+    Folder folder;
+    // Upright: red, green / blue, white quarters, 16 × 24.
+    Image image(16, 24, 3);
+    const uint8_t colours[4][3] = {{250, 20, 20}, {20, 250, 20}, {20, 20, 250}, {240, 240, 240}};
+    for (int y = 0; y < 24; ++y) {
+        for (int x = 0; x < 16; ++x)
+            std::memcpy(image.pixel(x, y), colours[(y / 12) * 2 + x / 8], 3);
+    }
+    writeImage(folder / "a.jpg", image);
+    const Bytes jpeg = readWholeFile(folder / "a.jpg");
+    // Which quarter of the stored picture lies at the top left, top right, bottom left of the
+    // upright.
+    const int corners[9][3] = {{},        {0, 1, 2}, {1, 0, 3}, {3, 2, 1}, {2, 3, 0},
+                               {0, 2, 1}, {2, 0, 3}, {3, 1, 2}, {1, 3, 0}};
+    for (uint8_t orientation = 1; orientation <= 8; ++orientation) {
+        folder.write("o.jpg", withOrientation(jpeg, orientation));
+        const Image got = readImage(folder / "o.jpg");
+        const bool lying = orientation >= 5;
+        EXPECT_EQ(got.width, lying ? 24 : 16);
+        EXPECT_EQ(got.height, lying ? 16 : 24);
+        EXPECT_EQ(imageSize(folder / "o.jpg"), (ImageSize{got.width, got.height}));
+        const int xs[3] = {3, got.width - 4, 3}, ys[3] = {3, 3, got.height - 4};
+        for (int i = 0; i < 3; ++i) {
+            for (int c = 0; c < 3; ++c) {
+                EXPECT_NEAR(got.pixel(xs[i], ys[i])[c], colours[corners[orientation][i]][c], 12)
+                    << "orientation " << int{orientation} << " corner " << i;
+            }
+        }
+    }
+}
+
+TEST(Mask, everyKind) {
+    const auto mask = [](const Bytes& file) { return decodeMask(file, "mask").data; };
+    EXPECT_EQ(mask(png(3, 1, 8, 0, {{0, 1, 255}})), (Bytes{0, 255, 255})) << "labels count";
+    EXPECT_EQ(mask(png(3, 1, 16, 0, {{0, 0, 0, 1, 0xFF, 0xFF}})), (Bytes{0, 255, 255}));
+    EXPECT_EQ(mask(png(8, 1, 1, 0, {{0b11000000}})), (Bytes{255, 255, 0, 0, 0, 0, 0, 0}));
+    EXPECT_EQ(mask(png(2, 1, 8, 2, {{0, 0, 0, 0, 3, 0}})), (Bytes{0, 255}));
+    EXPECT_EQ(mask(png(2, 1, 8, 3, {{1, 0}}, {0, 0, 0, 128, 0, 0})), (Bytes{255, 0}));
+    // Opaque alpha says nothing; alpha that varies is the mask, black hair included.
+    EXPECT_EQ(mask(png(2, 1, 8, 6, {{0, 0, 0, 255, 9, 9, 9, 255}})), (Bytes{0, 255}));
+    EXPECT_EQ(mask(png(2, 1, 8, 6, {{0, 0, 0, 255, 9, 9, 9, 0}})), (Bytes{255, 0}));
+    EXPECT_EQ(mask(png(2, 1, 8, 4, {{0, 255, 200, 0}})), (Bytes{255, 0}));
+
+    Folder folder;
+    Image image(32, 16, 1);
+    for (int y = 0; y < 16; ++y) {
+        for (int x = 13; x < 32; ++x) *image.pixel(x, y) = 255;
+    }
+    writeImage(folder / "m.jpg", image);
+    EXPECT_EQ(readMask(folder / "m.jpg").data, image.data) << "JPEG's ringing is not the person";
+}
+
+TEST(Image, resizes) {
+    // A constant stays constant, exactly, at every size.
+    const Image constant(17, 5, 3, 201);
+    for (const auto& [w, h] : {std::pair{1, 1}, {4, 3}, {17, 9}, {50, 2}, {34, 10}}) {
+        const Image out = resize(constant, w, h);
+        EXPECT_EQ(out.data, Bytes(static_cast<size_t>(w) * static_cast<size_t>(h) * 3, 201));
+    }
+    Image two(4, 2, 1);
+    two.data = {0, 100, 200, 100, 100, 200, 0, 100};
+    EXPECT_EQ(resize(two, 2, 1).data, (Bytes{100, 100})) << "means of 2 × 2";
+    Image ramp(2, 1, 1);
+    ramp.data = {0, 100};
+    EXPECT_EQ(resize(ramp, 4, 1).data, (Bytes{0, 25, 75, 100}));
+    EXPECT_EQ(resize(ramp, 4, 3).data, (Bytes{0, 25, 75, 100, 0, 25, 75, 100, 0, 25, 75, 100}));
+    Image three(3, 1, 1);
+    three.data = {0, 90, 240};
+    EXPECT_EQ(resize(three, 2, 1).data, (Bytes{30, 190})) << "(0 + 90/2)/1.5, (90/2 + 240)/1.5";
+    // The mean survives any shrinking.
+    const Image random = noise(211, 97, 1, 4);
+    double before = 0, after = 0;
+    for (const uint8_t v : random.data) before += v;
+    const Image small = resize(random, 13, 7);
+    for (const uint8_t v : small.data) after += v;
+    EXPECT_NEAR(before / static_cast<double>(random.data.size()),
+                after / static_cast<double>(small.data.size()), 0.5);
+}
+
+TEST(Image, refusals) {
+    Folder folder;
+    EXPECT_THROW(readImage(folder / "none.png"), InputError);
+    EXPECT_THROW(imageSize(folder / "none.png"), InputError);
+    EXPECT_THROW(readImage(folder.path()), InputError);
+    EXPECT_THROW(imageSize(folder.path()), InputError);
+    folder.write("text.png", std::string("no picture"));
+    for (const auto& message : {messageOf<InputError>([&] { readImage(folder / "text.png"); }),
+                                messageOf<InputError>([&] { imageSize(folder / "text.png"); })}) {
+        EXPECT_NE(message.find("text.png: expected a picture (PNG"), std::string::npos) << message;
+    }
+    EXPECT_NE(messageOf<InputError>([] {
+                  decodeImage(png(20000, 1, 8, 0, {}), "wide");
+              }).find("20000 x 1 pixels; expected at most 16384"),
+              std::string::npos);
+    EXPECT_NE(messageOf<InputError>([] {
+                  decodeImage(png(16000, 16000, 8, 2, {}), "bomb");
+              }).find("cut short or hostile"),
+              std::string::npos);
+    EXPECT_NE(messageOf<InputError>([&] {
+                  writeImage(folder / "x.gif", Image(1, 1, 3));
+              }).find("expected a name that ends with .png or .jpg"),
+              std::string::npos);
+    EXPECT_THROW(writeImage(folder / "no" / "x.png", Image(1, 1, 3)), InputError);
+    writeImage(folder / "a.jpg", Image(64, 64, 4, 90));
+    const Bytes jpeg = readWholeFile(folder / "a.jpg");
+    for (size_t size = 0; size < jpeg.size(); ++size) {
+        EXPECT_THROW(decodeImage(std::span(jpeg).first(size), "cut"), InputError) << size;
+    }
+}
+
+// PNG, JPEG and EXR cut and damaged: an error or a picture, never a crash.
+TEST(Image, damageIsRefusedNotFollowed) {
+    Folder folder;
+    writeImage(folder / "a.jpg", noise(24, 24, 3, 5));
+    const std::vector<Bytes> files = {encodePng(noise(24, 24, 3, 5)),
+                                      readWholeFile(folder / "a.jpg"),
+                                      png(2, 1, 8, 3, {{1, 0}}, {0, 0, 0, 128, 0, 0}),
+                                      exr({0.2f, 1.0f, 0.0f, 7.0f, -1.0f, 0.5f})};
+    std::mt19937 random(11);
+    for (const Bytes& whole : files) {
+        for (size_t size = 0; size < whole.size(); size += 1 + whole.size() / 200) {
+            try {
+                decodeImage(std::span(whole).first(size), "cut");
+            } catch (const InputError&) {
+            }
+        }
+        for (int round = 0; round < 400; ++round) {
+            Bytes damaged = whole;
+            damaged[random() % damaged.size()] = static_cast<uint8_t>(random());
+            damaged[random() % std::min<size_t>(damaged.size(), 64)] ^=
+                static_cast<uint8_t>(1u << (random() % 8));
+            try {
+                decodeImage(damaged, "damaged");
+                decodeMask(damaged, "damaged");
+            } catch (const InputError&) {
+            }
+        }
+    }
+}
+
+TEST(Image, readsARealCapture) {
+    const std::filesystem::path capture =
+        std::filesystem::path(DOPPEL_SOURCE_DIR) / "../shared/data/retargeting/8-views";
+    if (!std::filesystem::exists(capture)) GTEST_SKIP() << "needs the real captures of ../shared";
+    const Image frame = readImage(capture / "images/GOPR95340000000000.jpg");
+    EXPECT_EQ(frame.width, 1000);
+    EXPECT_EQ(frame.height, 1080);
+    const Image mask = readMask(capture / "segmentations/GOPR95340000000000.png");
+    size_t person = 0;
+    for (const uint8_t value : mask.data) person += value == 255;
+    const double share = static_cast<double>(person) / static_cast<double>(mask.data.size());
+    EXPECT_GT(share, 0.05);
+    EXPECT_LT(share, 0.5);
+}
+
+}  // namespace
+}  // namespace doppel
