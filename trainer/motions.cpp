@@ -1,5 +1,6 @@
 #include "trainer/motions.h"
 
+#include <algorithm>
 #include <cmath>
 #include <glm/gtc/quaternion.hpp>
 
