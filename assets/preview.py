@@ -1,4 +1,4 @@
-"""Pictures of meshes without a GPU: a z-buffer in NumPy, for looking at what the converters made."""
+"""Pictures of meshes without a GPU: a z-buffer in NumPy, to look at what the converters made."""
 
 import numpy as np
 
