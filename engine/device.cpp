@@ -120,6 +120,7 @@ DeviceInfo describe(VkPhysicalDevice physical, uint32_t index) {
     TypeName type = typeName(basic.deviceType);
     info.type = type.name;
     info.score = type.score;
+    info.cpu = basic.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU;
     info.apiVersion =
         fmt::format("{}.{}.{}", VK_API_VERSION_MAJOR(basic.apiVersion),
                     VK_API_VERSION_MINOR(basic.apiVersion), VK_API_VERSION_PATCH(basic.apiVersion));
@@ -150,6 +151,7 @@ DeviceInfo describe(VkPhysicalDevice physical, uint32_t index) {
     features.pNext = &features12;
     vkGetPhysicalDeviceFeatures2(physical, &features);
     info.addresses = features12.bufferDeviceAddress;
+    info.int64 = features.features.shaderInt64;
     info.cooperativeMatrix = hasExtension(physical, "VK_KHR_cooperative_matrix");
 
     VkPhysicalDeviceMemoryProperties memory;
@@ -248,6 +250,9 @@ Device::Device(DeviceOptions options) {
         features12.bufferDeviceAddress = addresses ? VK_TRUE : VK_FALSE;
         VkDeviceCreateInfo deviceInfo{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO};
         deviceInfo.pNext = &features12;
+        VkPhysicalDeviceFeatures features{};
+        features.shaderInt64 = info_.int64 ? VK_TRUE : VK_FALSE;
+        deviceInfo.pEnabledFeatures = &features;
         deviceInfo.queueCreateInfoCount = 1;
         deviceInfo.pQueueCreateInfos = &queueInfo;
         VK_CHECK(vkCreateDevice(physical_, &deviceInfo, nullptr, &device_));

@@ -39,6 +39,8 @@ struct DeviceInfo {
     uint32_t maxPushConstantBytes = 0;
     uint32_t subgroupSize = 0;
     bool addresses = false, timestamps = false, cooperativeMatrix = false;
+    bool cpu = false;    // lanes of a subgroup are a CPU's vector: loads are gathers
+    bool int64 = false;  // integers of 64 bits in shaders
     std::vector<std::string> refusals;  // why it cannot be used; empty: it can
     int score = 0;                      // the best usable device has the highest
 };

@@ -1,0 +1,261 @@
+#include "nn/linalg.h"
+
+#include <algorithm>
+
+#include "linalg/params.h"
+#include "nn/op.h"
+
+namespace doppel {
+
+namespace {
+
+uint32_t u32(int64_t value) {
+    CHECK(value >= 0 && value < (int64_t{1} << 32), "{} fits into 32 bits", value);
+    return static_cast<uint32_t>(value);
+}
+
+int64_t ceilDiv(int64_t a, int64_t b) { return (a + b - 1) / b; }
+
+// How a product is spread over workgroups.
+struct Plan {
+    uint32_t lanes = 32, rows = 8, pairs = 2;
+    bool onCpu = false;
+    int64_t parts = 1, kPart = 0;
+};
+
+Plan plan(const Device& d, const Gemm& g) {
+    const DeviceInfo& device = d.info();
+    Plan p;
+    // One subgroup per workgroup, which divides the pairs of A in a body of the loop. Descriptors
+    // are for tests: the plain kernel is tested there.
+    p.onCpu = device.cpu && device.int64 && 16 % std::max(1u, device.subgroupSize) == 0 &&
+              d.binding() == Binding::Addresses;
+    if (p.onCpu) {
+        p.lanes = device.subgroupSize;
+        // Time per row of a tile as measured on lavapipe; a tile may reach over the last row.
+        constexpr std::pair<uint32_t, double> kRowCosts[] = {{32, 1.0}, {16, 1.15}, {8, 1.95}};
+        double best = 0;
+        for (auto [rows, cost] : kRowCosts) {
+            double time = static_cast<double>(ceilDiv(g.m, rows) * rows) * cost;
+            if (best == 0 || time < best) {
+                best = time;
+                p.rows = rows;
+            }
+        }
+    }
+    if (g.n <= 2 * p.lanes) p.pairs = 1;
+    // Long sums with few results are cut into parts, so that there is work for all cores.
+    int64_t tiles = ceilDiv(g.m, p.rows) * ceilDiv(g.n, 2 * p.pairs * p.lanes) * g.batch;
+    int64_t wanted = device.cpu ? 16 : 512, shortest = device.cpu ? 512 : 128;
+    p.parts = std::max<int64_t>(1, std::min(ceilDiv(wanted, tiles), g.k / shortest));
+    p.kPart = std::max<int64_t>(4, ceilDiv(ceilDiv(g.k, p.parts), 4) * 4);
+    p.parts = std::max<int64_t>(1, ceilDiv(g.k, p.kPart));
+    return p;
+}
+
+}  // namespace
+
+void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const Gemm& shape) {
+    Gemm g = shape;
+    if (g.lda == 0) g.lda = g.transA ? g.m : g.k;
+    if (g.ldb == 0) g.ldb = g.transB ? g.k : g.n;
+    if (g.ldc == 0) g.ldc = g.n;
+    if (g.m == 0 || g.n == 0 || g.batch == 0) return;
+    auto reach = [](int64_t rows, int64_t columns, int64_t ld, int64_t batch, int64_t stride) {
+        return rows == 0 || columns == 0 ? 0 : (batch - 1) * stride + (rows - 1) * ld + columns;
+    };
+    CHECK(reach(g.transA ? g.k : g.m, g.transA ? g.m : g.k, g.lda, g.batch, g.strideA) <=
+                  a.elements() &&
+              reach(g.transB ? g.n : g.k, g.transB ? g.k : g.n, g.ldb, g.batch, g.strideB) <=
+                  b.elements() &&
+              reach(g.m, g.n, g.ldc, g.batch, g.strideC) <= c.elements(),
+          "the matrices of a product {}x{}x{} lie within their tensors", g.m, g.n, g.k);
+    CHECK(!g.bias || g.bias.elements() == (g.biasPerRow ? g.m : g.n), "bias fits the product");
+
+    Plan p = plan(graph.device(), g);
+    bool split = p.parts > 1;
+    Tensor out = split ? graph.temporary({p.parts, g.batch, g.m, g.n}) : c;
+    if (split) {
+        g.ldc = g.n;
+        g.strideC = g.m * g.n;
+    }
+    int64_t strideCPart = g.batch * g.m * g.n;
+    GemmParams params{u32(g.m),       u32(g.n),     u32(g.k),       u32(g.lda),
+                      u32(g.ldb),     u32(g.ldc),   u32(g.strideA), u32(g.strideB),
+                      u32(g.strideC), u32(g.batch), u32(p.kPart),   split ? u32(strideCPart) : 0};
+    uint32_t biasKind = !g.bias ? 0 : g.biasPerRow ? 2 : 1;
+    auto even = [](std::initializer_list<int64_t> values) {
+        return uint32_t{std::ranges::all_of(values, [](int64_t v) { return v % 2 == 0; })};
+    };
+    Specialisation spec{{"local_size", p.lanes},
+                        {"kLanes", p.lanes},
+                        {"kRows", p.rows},
+                        {"kPairs", p.pairs},
+                        {"kTransA", g.transA},
+                        {"kTransB", g.transB},
+                        {"kAccumulate", !split && g.accumulate},
+                        {"kBias", split ? 0 : biasKind}};
+    Groups groups{u32(ceilDiv(g.m, p.rows)), u32(ceilDiv(g.n, 2 * p.pairs * p.lanes)),
+                  u32(p.parts * g.batch)};
+    Tensor bias = g.bias ? g.bias : graph.none();
+    if (p.onCpu) {
+        spec["kEvenA"] = even({g.lda, g.strideA, g.transA ? g.m : g.k});
+        spec["kEvenB"] = even({g.ldb, g.strideB, g.transB ? g.k : g.n});
+        spec["kEvenC"] = even({g.ldc, g.strideC, g.n, params.strideCPart});
+        graph.dispatchGroups("linalg/gemm_pairs.tile",
+                             {{"a", a},
+                              {"b", b},
+                              {"c", out},
+                              {"bias", bias},
+                              {"aPairs", a},
+                              {"bPairs", b},
+                              {"cPairs", out}},
+                             params, groups, spec);
+    } else {
+        graph.dispatchGroups("linalg/gemm.tile", {{"a", a}, {"b", b}, {"c", out}, {"bias", bias}},
+                             params, groups, spec);
+    }
+    if (!split) return;
+    GemmReduceParams reduce{u32(strideCPart),   u32(g.m),
+                            u32(g.n),           u32(shape.ldc ? shape.ldc : g.n),
+                            u32(shape.strideC), u32(p.parts)};
+    graph.dispatch("linalg/gemm_reduce.sum", {{"partial", out}, {"c", c}, {"bias", bias}}, reduce,
+                   static_cast<uint64_t>(strideCPart),
+                   {{"kAccumulate", g.accumulate}, {"kBias", biasKind}});
+}
+
+void sumAxis(Graph& graph, const Tensor& x, int64_t outer, int64_t count, int64_t inner,
+             const Tensor& target, bool accumulate) {
+    CHECK(outer * count * inner <= x.elements() && outer * inner <= target.elements(),
+          "a sum over [{},{},{}] lies within its tensors", outer, count, inner);
+    if (outer * inner == 0) return;
+    constexpr int64_t kPartLength = 256;
+    int64_t parts = std::max<int64_t>(1, ceilDiv(count, kPartLength));
+    Tensor source = x;
+    if (parts > 1) {
+        SumParams params{u32(outer), u32(count), u32(inner), kPartLength, u32(parts)};
+        source = graph.temporary({outer, parts, inner});
+        graph.dispatch("linalg/sum.axis", {{"x", x}, {"y", source}}, params,
+                       static_cast<uint64_t>(outer * parts * inner));
+        count = parts;
+    }
+    SumParams params{u32(outer), u32(count), u32(inner), u32(std::max<int64_t>(count, 1)), 1};
+    graph.dispatch("linalg/sum.axis", {{"x", source}, {"y", target}}, params,
+                   static_cast<uint64_t>(outer * inner), {{"kAccumulate", accumulate}});
+}
+
+Tensor matmul(Graph& graph, const Tensor& a, const Tensor& b, bool transA, bool transB) {
+    int64_t B = a.dim(0), M = a.dim(transA ? 2 : 1), K = a.dim(transA ? 1 : 2);
+    int64_t N = b.dim(transB ? 1 : 2);
+    if (b.dim(transB ? 2 : 1) != K || b.dim(0) != B)
+        throwInput("matmul: expected matrices that fit, found {} and {}", toString(a.shape),
+                   toString(b.shape));
+    Tensor c = graph.temporary({B, M, N});
+    Gemm product{.m = M,
+                 .n = N,
+                 .k = K,
+                 .transA = transA,
+                 .transB = transB,
+                 .batch = B,
+                 .strideA = M * K,
+                 .strideB = K * N,
+                 .strideC = M * N};
+    graph.beginOp("matmul", flops(product));
+    gemm(graph, a, b, c, product);
+    graph.differentiate({a, b}, {c}, [=, &graph] {
+        Tensor dc = graph.gradient(c);
+        // dA = dC op(B)^T or its transpose, dB = op(A)^T dC or its transpose.
+        Gemm da{.m = M,
+                .n = K,
+                .k = N,
+                .transB = !transB,
+                .batch = B,
+                .strideA = M * N,
+                .strideB = K * N,
+                .strideC = M * K};
+        Gemm daT{.m = K,
+                 .n = M,
+                 .k = N,
+                 .transA = transB,
+                 .transB = true,
+                 .batch = B,
+                 .strideA = K * N,
+                 .strideB = M * N,
+                 .strideC = M * K};
+        Gemm db{.m = K,
+                .n = N,
+                .k = M,
+                .transA = !transA,
+                .batch = B,
+                .strideA = M * K,
+                .strideB = M * N,
+                .strideC = K * N};
+        Gemm dbT{.m = N,
+                 .n = K,
+                 .k = M,
+                 .transA = true,
+                 .transB = transA,
+                 .batch = B,
+                 .strideA = M * N,
+                 .strideB = M * K,
+                 .strideC = K * N};
+        if (graph.wantsGradient(a)) {
+            Tensor target = graph.gradientTarget(a);
+            if (transA)
+                gemm(graph, b, dc, target, daT);
+            else
+                gemm(graph, dc, b, target, da);
+        }
+        if (graph.wantsGradient(b)) {
+            Tensor target = graph.gradientTarget(b);
+            if (transB)
+                gemm(graph, dc, a, target, dbT);
+            else
+                gemm(graph, a, dc, target, db);
+        }
+    });
+    return c;
+}
+
+Tensor linear(Graph& graph, const Tensor& x, const Tensor& weight, const Tensor& bias) {
+    int64_t V = x.dim(0), I = x.dim(1), O = weight.dim(0);
+    CHECK(weight.dim(1) == I, "weight {} fits x {}", toString(weight.shape), toString(x.shape));
+    Tensor y = graph.temporary({V, O});
+    Gemm product{.m = V, .n = O, .k = I, .transB = true, .bias = bias};
+    graph.beginOp("linear", flops(product));
+    gemm(graph, x, weight, y, product);
+    graph.differentiate({x, weight, bias}, {y}, [=, &graph] {
+        Tensor dy = graph.gradient(y);
+        if (graph.wantsGradient(x))
+            gemm(graph, dy, weight, graph.gradientTarget(x), {.m = V, .n = I, .k = O});
+        if (graph.wantsGradient(weight))
+            gemm(graph, dy, x, graph.gradientTarget(weight),
+                 {.m = O, .n = I, .k = V, .transA = true});
+        if (graph.wantsGradient(bias)) sumAxis(graph, dy, 1, V, O, graph.gradientTarget(bias));
+    });
+    return y;
+}
+
+static const Op kLinear{{
+    .name = "linear",
+    .inputs = "x[V,I] weight[O,I] bias[O]?",
+    .outputs = "y",
+    .differentiable = "x weight bias",
+    .build = [](OpCall& c) { c.result("y", linear(c.graph, c["x"], c["weight"], c["bias"])); },
+}};
+
+// The product itself, so that every variant can be tested and compared: a and b as stored.
+static const Op kMatmul{{
+    .name = "matmul",
+    .inputs = "a[B,R,S] b[B,T,U]",
+    .attributes = "trans_a=0 trans_b=0",
+    .outputs = "c",
+    .differentiable = "a b",
+    .build =
+        [](OpCall& c) {
+            c.result("c",
+                     matmul(c.graph, c["a"], c["b"], c.u("trans_a") != 0, c.u("trans_b") != 0));
+        },
+}};
+
+}  // namespace doppel

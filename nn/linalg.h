@@ -1,0 +1,43 @@
+// Matrix products, and the ops that are little else.
+#pragma once
+
+#include "nn/graph.h"
+
+namespace doppel {
+
+// A matrix product C = op(A) op(B), row by row in memory: A is [m, k], transposed [k, m]; B is
+// [k, n], transposed [n, k]; C is [m, n].
+struct Gemm {
+    int64_t m = 0, n = 0, k = 0;
+    bool transA = false, transB = false;
+    bool accumulate = false;  // C += op(A) op(B)
+    // Elements from one stored row to the next; 0: the rows are packed.
+    int64_t lda = 0, ldb = 0, ldc = 0;
+    // So many products, and elements from one matrix to the next; 0: all share one (not C).
+    int64_t batch = 1, strideA = 0, strideB = 0, strideC = 0;
+    Tensor bias;  // added to every row [n], or, biasPerRow, to every column [m]
+    bool biasPerRow = false;
+};
+
+// Adds the dispatches of a product to the current op, forward or backward; no gradient of its own.
+// Sums have a fixed order: the same bits every run. Rows of an even number of elements are read
+// twice as fast on lavapipe.
+void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const Gemm& shape);
+inline double flops(const Gemm& g) {
+    return 2.0 * static_cast<double>(g.m * g.n) * static_cast<double>(g.k * g.batch);
+}
+
+// y[V,O] = x[V,I] weight[O,I]^T + bias[O]; bias may be an empty tensor. Gradients to all three.
+Tensor linear(Graph& graph, const Tensor& x, const Tensor& weight, const Tensor& bias);
+
+// c[B,M,N] = op(a) op(b) for every matrix of the batch; a, b are [B,rows,columns] as stored, and
+// transposed where asked. Gradients to both.
+Tensor matmul(Graph& graph, const Tensor& a, const Tensor& b, bool transA = false,
+              bool transB = false);
+
+// target[outer, inner] = (or +=) sum over the middle axis of x[outer, count, inner], in a fixed
+// order; adds dispatches to the current op, no gradient of its own.
+void sumAxis(Graph& graph, const Tensor& x, int64_t outer, int64_t count, int64_t inner,
+             const Tensor& target, bool accumulate = false);
+
+}  // namespace doppel

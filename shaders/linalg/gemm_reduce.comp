@@ -1,0 +1,24 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "common/op.glsl"
+#include "linalg/params.h"
+PARAMS(GemmReduceParams, 3)
+BUFFER(0, readonly, float, partial);  // [parts, batch, m, n]
+BUFFER(1, readwrite, float, c);       // [batch, m, n], with strides
+BUFFER(2, readonly, float, bias);     // [n] or [m]
+
+layout(constant_id = 1) const bool kAccumulate = false;
+layout(constant_id = 2) const uint kBias = 0;  // 1: one per column, 2: one per row
+
+// The parts in order: the same bits every run.
+ENTRY(sum) {
+    uint i = linearIndex();
+    if (i >= params.elements) return;
+    uint matrix = i / (params.m * params.n), row = i / params.n % params.m, column = i % params.n;
+    uint at = matrix * params.strideC + row * params.ldc + column;
+    float total = 0;
+    for (uint p = 0; p < params.parts; ++p) total += partial.d[p * params.elements + i];
+    if (kBias == 1) total += bias.d[column];
+    if (kBias == 2) total += bias.d[row];
+    c.d[at] = kAccumulate ? c.d[at] + total : total;
+}

@@ -1,0 +1,120 @@
+#include "nn/linalg.h"
+
+#include "tests/op_test.h"
+
+namespace doppel {
+namespace {
+
+Values matmulReference(const Values& v) {
+    const Value &a = v.at("a"), &b = v.at("b");
+    bool ta = v.at("trans_a").data[0] != 0, tb = v.at("trans_b").data[0] != 0;
+    size_t B = size_t(a.shape[0]), M = size_t(a.shape[ta ? 2 : 1]), K = size_t(a.shape[ta ? 1 : 2]);
+    size_t N = size_t(b.shape[tb ? 1 : 2]);
+    Value c{{int64_t(B), int64_t(M), int64_t(N)}, std::vector<double>(B * M * N)};
+    for (size_t p = 0; p < B; ++p)
+        for (size_t i = 0; i < M; ++i)
+            for (size_t j = 0; j < N; ++j)
+                for (size_t k = 0; k < K; ++k)
+                    c.data[(p * M + i) * N + j] +=
+                        a.data[p * M * K + (ta ? k * M + i : i * K + k)] *
+                        b.data[p * K * N + (tb ? j * K + k : k * N + j)];
+    return {{"c", c}};
+}
+
+void checkMatmul(int64_t batch, int64_t m, int64_t n, int64_t k) {
+    for (int ta = 0; ta < 2; ++ta)
+        for (int tb = 0; tb < 2; ++tb) {
+            SCOPED_TRACE(fmt::format("{} x {}x{}x{} trans {}{}", batch, m, n, k, ta, tb));
+            checkOp("matmul",
+                    {.inputs = {{"a", random(ta ? Shape{batch, k, m} : Shape{batch, m, k}, 1)},
+                                {"b", random(tb ? Shape{batch, n, k} : Shape{batch, k, n}, 2)}},
+                     .attributes = {{"trans_a", ta}, {"trans_b", tb}},
+                     .reference = matmulReference,
+                     .samples = 6});
+        }
+}
+
+TEST(Linalg, MatmulOdd) { checkMatmul(1, 13, 31, 7); }
+TEST(Linalg, MatmulEven) { checkMatmul(1, 34, 66, 18); }
+TEST(Linalg, MatmulBatch) { checkMatmul(3, 8, 10, 6); }
+TEST(Linalg, MatmulOne) { checkMatmul(1, 1, 1, 1); }
+TEST(Linalg, MatmulPair) { checkMatmul(2, 2, 2, 2); }
+TEST(Linalg, MatmulPrime) { checkMatmul(1, 127, 3, 131); }
+// Few results, long sums: cut into parts.
+TEST(Linalg, MatmulLong) { checkMatmul(2, 5, 6, 4099); }
+
+TEST(Linalg, ProductAddsToWhatIsThere) {
+    // C[5,6] within rows of 9, twice: C = A B + bias per row, then C += A B. K = 3000 is split.
+    for (int64_t k : {3, 3000}) {
+        int64_t m = 5, n = 6, ldc = 9;
+        Value a = random({m, k}, 1), b = random({k, n}, 2), bias = random({m}, 3);
+        auto floats = [](const Value& v) {
+            return std::vector<float>(v.data.begin(), v.data.end());
+        };
+        Graph graph(testDevice());
+        Tensor A = graph.input(a.shape), B = graph.input(b.shape), bv = graph.input(bias.shape);
+        Tensor C = graph.temporary({m, ldc});
+        graph.beginOp("test");
+        graph.fill(C);
+        Gemm g{.m = m, .n = n, .k = k, .ldc = ldc, .bias = bv, .biasPerRow = true};
+        gemm(graph, A, B, C, g);
+        g.accumulate = true;
+        g.bias = {};
+        gemm(graph, A, B, C, g);
+        graph.output(C);
+        graph.compile({.poison = true});
+        graph.write(A, floats(a));
+        graph.write(B, floats(b));
+        graph.write(bv, floats(bias));
+        graph.run();
+        std::vector<float> got = graph.read(C);
+        std::vector<double> values(got.begin(), got.end()), expected(values.size());
+        Values reference = matmulReference({{"a", {{1, m, k}, a.data}},
+                                            {"b", {{1, k, n}, b.data}},
+                                            {"trans_a", {{}, {0}}},
+                                            {"trans_b", {{}, {0}}}});
+        for (size_t i = 0; i < size_t(m); ++i)
+            for (size_t j = 0; j < size_t(n); ++j)
+                expected[i * size_t(ldc) + j] =
+                    2 * reference.at("c").data[i * size_t(n) + j] + bias.data[i];
+        EXPECT_LE(relativeError(values, expected, 1e-6), 2e-5);
+        graph.run();
+        EXPECT_EQ(graph.read(C), got) << "the same bits every run";
+    }
+}
+
+TEST(Linalg, Linear) {
+    for (auto [v, i, o] : {std::array{1, 1, 1}, {13, 7, 3}, {127, 131, 13}, {50, 16, 32}})
+        for (bool withBias : {true, false}) {
+            OpCase c{.inputs = {{"x", random({v, i}, 1)},
+                                {"weight", random({o, i}, 2)},
+                                {"bias", random({o}, 3)}},
+                     .reference = [](const Values& in) -> Values {
+                         const Value &x = in.at("x"), &w = in.at("weight");
+                         size_t V = size_t(x.shape[0]), I = size_t(x.shape[1]);
+                         size_t O = size_t(w.shape[0]);
+                         Value y{{x.shape[0], w.shape[0]}, std::vector<double>(V * O)};
+                         for (size_t r = 0; r < V; ++r)
+                             for (size_t q = 0; q < O; ++q) {
+                                 double sum = in.contains("bias") ? in.at("bias").data[q] : 0;
+                                 for (size_t k = 0; k < I; ++k)
+                                     sum += x.data[r * I + k] * w.data[q * I + k];
+                                 y.data[r * O + q] = sum;
+                             }
+                         return {{"y", y}};
+                     }};
+            if (!withBias) c.inputs.erase("bias");
+            checkOp("linear", c);
+        }
+}
+
+TEST(Linalg, RefusesMatricesThatDoNotFit) {
+    Npz in;
+    in.set("a", Array::f32({1, 2, 3}, std::vector<float>(6)));
+    in.set("b", Array::f32({1, 2, 3}, std::vector<float>(6)));
+    expectInputError([&] { Op::find("matmul")->run(testDevice(), in, {}); },
+                     "expected matrices that fit, found [1,2,3] and [1,2,3]");
+}
+
+}  // namespace
+}  // namespace doppel
