@@ -1,23 +1,206 @@
 #include "nn/elementwise.h"
 
+#include <cmath>
+
 #include "elementwise/params.h"
 #include "nn/op.h"
 
 namespace doppel {
 
-Tensor leakyRelu(Graph& graph, const Tensor& x, float slope) {
+namespace {
+
+uint32_t count(const Tensor& x) { return static_cast<uint32_t>(x.elements()); }
+
+// y = f(x); backward from x and dy.
+template <typename Params>
+Tensor mapOfX(Graph& graph, const char* name, const Tensor& x, const char* forward,
+              const char* backward, const Params& params) {
     Tensor y = graph.temporary(x.shape);
-    auto n = static_cast<uint32_t>(x.elements());
-    LeakyReluParams params{n, slope};
-    graph.beginOp("leaky_relu");
-    graph.dispatch("elementwise/leaky_relu.forward", {{"x", x}, {"y", y}}, params, n);
+    graph.beginOp(name);
+    graph.dispatch(forward, {{"x", x}, {"y", y}}, params, count(x));
     graph.differentiate({x}, {y}, [=, &graph] {
         Tensor dx = graph.gradientTarget(x);
-        graph.dispatch("elementwise/leaky_relu.backward",
-                       {{"x", x}, {"dy", graph.gradient(y)}, {"dx", dx}}, params, n);
+        graph.dispatch(backward, {{"x", x}, {"dy", graph.gradient(y)}, {"dx", dx}}, params,
+                       count(x));
     });
     return y;
 }
+
+// y = f(x); backward from y and dy, so that x need not be kept.
+Tensor mapOfY(Graph& graph, const char* name, const Tensor& x, const char* forward,
+              const char* backward) {
+    Tensor y = graph.temporary(x.shape);
+    ElementParams params{count(x)};
+    graph.beginOp(name);
+    graph.dispatch(forward, {{"x", x}, {"y", y}}, params, count(x));
+    graph.differentiate({x}, {y}, [=, &graph] {
+        Tensor dx = graph.gradientTarget(x);
+        graph.dispatch(backward, {{"y", y}, {"dy", graph.gradient(y)}, {"dx", dx}}, params,
+                       count(x));
+    });
+    return y;
+}
+
+}  // namespace
+
+Tensor leakyRelu(Graph& graph, const Tensor& x, float slope) {
+    return mapOfX(graph, "leaky_relu", x, "elementwise/leaky_relu.forward",
+                  "elementwise/leaky_relu.backward", LeakyReluParams{count(x), slope});
+}
+
+Tensor relu(Graph& graph, const Tensor& x) {
+    return mapOfX(graph, "relu", x, "elementwise/leaky_relu.forward",
+                  "elementwise/leaky_relu.backward", LeakyReluParams{count(x), 0});
+}
+
+Tensor tanh(Graph& graph, const Tensor& x) {
+    return mapOfY(graph, "tanh", x, "elementwise/tanh.forward", "elementwise/tanh.backward");
+}
+
+Tensor sigmoid(Graph& graph, const Tensor& x) {
+    return mapOfY(graph, "sigmoid", x, "elementwise/sigmoid.forward",
+                  "elementwise/sigmoid.backward");
+}
+
+Tensor scaleShift(Graph& graph, const Tensor& x, float scale, float shift) {
+    Tensor y = graph.temporary(x.shape);
+    ScaleShiftParams params{count(x), scale, shift};
+    graph.beginOp("scale_shift");
+    graph.dispatch("elementwise/scale_shift.forward", {{"x", x}, {"y", y}}, params, count(x));
+    graph.differentiate({x}, {y}, [=, &graph] {
+        Tensor dx = graph.gradientTarget(x);
+        graph.dispatch("elementwise/scale_shift.backward", {{"dy", graph.gradient(y)}, {"dx", dx}},
+                       params, count(x));
+    });
+    return y;
+}
+
+Tensor clamp(Graph& graph, const Tensor& x, float low, float high) {
+    return mapOfX(graph, "clamp", x, "elementwise/clamp.forward", "elementwise/clamp.backward",
+                  ClampParams{count(x), low, high});
+}
+
+Tensor add(Graph& graph, const Tensor& a, const Tensor& b) {
+    CHECK(a.shape == b.shape, "{} and {} have the same shape", toString(a.shape),
+          toString(b.shape));
+    Tensor y = graph.temporary(a.shape);
+    graph.beginOp("add");
+    graph.dispatch("elementwise/add.forward", {{"a", a}, {"b", b}, {"y", y}}, AddParams{count(a)},
+                   count(a));
+    graph.differentiate({a, b}, {y}, [=, &graph] {
+        for (const Tensor& input : {a, b})
+            if (graph.wantsGradient(input))
+                graph.copy(graph.gradient(y), graph.gradientTarget(input));
+    });
+    return y;
+}
+
+Tensor multiply(Graph& graph, const Tensor& a, const Tensor& b) {
+    CHECK(a.shape == b.shape, "{} and {} have the same shape", toString(a.shape),
+          toString(b.shape));
+    Tensor y = graph.temporary(a.shape);
+    ElementParams params{count(a)};
+    auto product = [=, &graph](const Tensor& left, const Tensor& right, const Tensor& target) {
+        graph.dispatch("elementwise/multiply.forward", {{"a", left}, {"b", right}, {"y", target}},
+                       params, params.n);
+    };
+    graph.beginOp("multiply");
+    product(a, b, y);
+    graph.differentiate({a, b}, {y}, [=, &graph] {
+        Tensor dy = graph.gradient(y);
+        if (graph.wantsGradient(a)) product(dy, b, graph.gradientTarget(a));
+        if (graph.wantsGradient(b)) product(dy, a, graph.gradientTarget(b));
+    });
+    return y;
+}
+
+Tensor concat(Graph& graph, const Tensor& a, const Tensor& b, int axis) {
+    CHECK(axis >= 0 && size_t(axis) < a.shape.size() && a.shape.size() == b.shape.size(),
+          "{} and {} have an axis {}", toString(a.shape), toString(b.shape), axis);
+    Shape shape = a.shape;
+    int64_t innerA = 1, innerB = 1;
+    for (size_t d = 0; d < shape.size(); ++d) {
+        if (d == size_t(axis))
+            shape[d] += b.shape[d];
+        else
+            CHECK(a.shape[d] == b.shape[d], "{} and {} agree outside axis {}", toString(a.shape),
+                  toString(b.shape), axis);
+        if (d >= size_t(axis)) {
+            innerA *= a.shape[d];
+            innerB *= b.shape[d];
+        }
+    }
+    Tensor y = graph.temporary(shape);
+    ConcatParams params{count(y), static_cast<uint32_t>(innerA), static_cast<uint32_t>(innerB)};
+    graph.beginOp("concat");
+    graph.dispatch("elementwise/concat.forward", {{"a", a}, {"b", b}, {"y", y}}, params, count(y));
+    graph.differentiate({a, b}, {y}, [=, &graph] {
+        Tensor dy = graph.gradient(y);
+        ConcatParams part = params;
+        if (graph.wantsGradient(a)) {
+            part.n = count(a);
+            graph.dispatch("elementwise/concat.backward_a",
+                           {{"dy", dy}, {"da", graph.gradientTarget(a)}}, part, part.n);
+        }
+        if (graph.wantsGradient(b)) {
+            part.n = count(b);
+            graph.dispatch("elementwise/concat.backward_b",
+                           {{"dy", dy}, {"db", graph.gradientTarget(b)}}, part, part.n);
+        }
+    });
+    return y;
+}
+
+Tensor dropout(Graph& graph, const Tensor& x, float rate, uint32_t stream) {
+    CHECK(rate >= 0 && rate < 1, "a dropout rate of {} lies in [0, 1)", rate);
+    Tensor y = graph.temporary(x.shape), step = graph.step();
+    auto threshold = static_cast<uint32_t>(std::lround(static_cast<double>(rate) * 4294967296.0));
+    DropoutParams params{count(x), stream, threshold, 1 / (1 - rate)};
+    graph.beginOp("dropout");
+    graph.dispatch("elementwise/dropout.forward", {{"x", x}, {"y", y}, {"step", step}}, params,
+                   params.n);
+    graph.differentiate({x}, {y}, [=, &graph] {
+        Tensor dx = graph.gradientTarget(x);
+        graph.dispatch("elementwise/dropout.forward",
+                       {{"x", graph.gradient(y)}, {"y", dx}, {"step", step}}, params, params.n);
+    });
+    return y;
+}
+
+void addInto(Graph& graph, const Tensor& total, const Tensor& more) {
+    graph.dispatch("elementwise/add.into", {{"total", total}, {"more", more}},
+                   AddParams{count(total)}, count(total));
+}
+
+// ---- for op_runner ------------------------------------------------------------------------------
+
+namespace {
+
+void sameShape(OpCall& c) {
+    if (c["a"].shape != c["b"].shape)
+        throwInput("b: expected the shape of a {}, found {}", toString(c["a"].shape),
+                   toString(c["b"].shape));
+}
+
+Tensor checkedConcat(OpCall& c) {
+    uint32_t axis = c.u("axis");
+    Shape a = c["a"].shape, b = c["b"].shape;
+    if (axis >= a.size() || b.size() != a.size())
+        throwInput("attr_axis: {} is no axis of both {} and {}", axis, toString(a), toString(b));
+    b[axis] = a[axis];
+    if (a != b)
+        throwInput("b: expected the shape of a {} outside axis {}, found {}", toString(a), axis,
+                   toString(c["b"].shape));
+    return concat(c.graph, c["a"], c["b"], static_cast<int>(axis));
+}
+
+Tensor checkedDropout(OpCall& c) {
+    if (c.attribute("rate") < 0 || c.attribute("rate") >= 1)
+        throwInput("attr_rate: expected 0 <= rate < 1, found {}", c.attribute("rate"));
+    return dropout(c.graph, c["x"], c.f("rate"), c.u("stream"));
+}
+
+}  // namespace
 
 static const Op kLeakyRelu{{
     .name = "leaky_relu",
@@ -27,10 +210,82 @@ static const Op kLeakyRelu{{
     .differentiable = "x",
     .build = [](OpCall& c) { c.result("y", leakyRelu(c.graph, c["x"], c.f("slope"))); },
 }};
-
-void addInto(Graph& graph, const Tensor& total, const Tensor& more) {
-    auto n = static_cast<uint32_t>(total.elements());
-    graph.dispatch("elementwise/add.into", {{"total", total}, {"more", more}}, AddParams{n}, n);
-}
+static const Op kRelu{{
+    .name = "relu",
+    .inputs = "x",
+    .outputs = "y",
+    .differentiable = "x",
+    .build = [](OpCall& c) { c.result("y", relu(c.graph, c["x"])); },
+}};
+static const Op kTanh{{
+    .name = "tanh",
+    .inputs = "x",
+    .outputs = "y",
+    .differentiable = "x",
+    .build = [](OpCall& c) { c.result("y", tanh(c.graph, c["x"])); },
+}};
+static const Op kSigmoid{{
+    .name = "sigmoid",
+    .inputs = "x",
+    .outputs = "y",
+    .differentiable = "x",
+    .build = [](OpCall& c) { c.result("y", sigmoid(c.graph, c["x"])); },
+}};
+static const Op kScaleShift{{
+    .name = "scale_shift",
+    .inputs = "x",
+    .attributes = "scale shift",
+    .outputs = "y",
+    .differentiable = "x",
+    .build =
+        [](OpCall& c) { c.result("y", scaleShift(c.graph, c["x"], c.f("scale"), c.f("shift"))); },
+}};
+static const Op kClamp{{
+    .name = "clamp",
+    .inputs = "x",
+    .attributes = "low high",
+    .outputs = "y",
+    .differentiable = "x",
+    .build = [](OpCall& c) { c.result("y", clamp(c.graph, c["x"], c.f("low"), c.f("high"))); },
+}};
+static const Op kAdd{{
+    .name = "add",
+    .inputs = "a b",
+    .outputs = "y",
+    .differentiable = "a b",
+    .build =
+        [](OpCall& c) {
+            sameShape(c);
+            c.result("y", add(c.graph, c["a"], c["b"]));
+        },
+}};
+static const Op kMultiply{{
+    .name = "multiply",
+    .inputs = "a b",
+    .outputs = "y",
+    .differentiable = "a b",
+    .build =
+        [](OpCall& c) {
+            sameShape(c);
+            c.result("y", multiply(c.graph, c["a"], c["b"]));
+        },
+}};
+static const Op kConcat{{
+    .name = "concat",
+    .inputs = "a b",
+    .attributes = "axis=1",
+    .outputs = "y",
+    .differentiable = "a b",
+    .build = [](OpCall& c) { c.result("y", checkedConcat(c)); },
+}};
+// Seed and step are 0 here.
+static const Op kDropout{{
+    .name = "dropout",
+    .inputs = "x",
+    .attributes = "rate stream=0",
+    .outputs = "y",
+    .differentiable = "x",
+    .build = [](OpCall& c) { c.result("y", checkedDropout(c)); },
+}};
 
 }  // namespace doppel

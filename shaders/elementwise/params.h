@@ -9,5 +9,26 @@ struct LeakyReluParams {
 struct AddParams {
     uint n;
 };
+struct ElementParams {
+    uint n;
+};
+struct ScaleShiftParams {
+    uint n;
+    float scale, shift;
+};
+struct ClampParams {
+    uint n;
+    float low, high;
+};
+struct ConcatParams {
+    uint n;               // elements of y
+    uint innerA, innerB;  // y[outer, innerA + innerB]
+};
+struct DropoutParams {
+    uint n;
+    uint stream;     // keeps the dropouts of a network apart
+    uint threshold;  // an element is dropped where its random 32 bits are below
+    float scale;     // of those that stay
+};
 SHARED_END
 #endif

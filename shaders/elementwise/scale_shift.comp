@@ -1,0 +1,21 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "common/op.glsl"
+#include "elementwise/params.h"
+PARAMS(ScaleShiftParams, 4)
+BUFFER(0, readonly, float, x);    // [n]
+BUFFER(1, writeonly, float, y);   // [n]
+BUFFER(2, readonly, float, dy);   // [n]
+BUFFER(3, writeonly, float, dx);  // [n]
+
+ENTRY(forward) {
+    uint i = linearIndex();
+    if (i >= params.n) return;
+    y.d[i] = params.scale * x.d[i] + params.shift;
+}
+
+ENTRY(backward) {
+    uint i = linearIndex();
+    if (i >= params.n) return;
+    dx.d[i] = params.scale * dy.d[i];
+}
