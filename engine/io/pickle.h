@@ -1,0 +1,78 @@
+// Python pickles read as data. Nothing in a pickle is ever run: a small machine follows the opcodes
+// of protocols 0 to 5 and knows what a few names mean (NumPy's arrays, scalars and types, SciPy's
+// sparse matrices, chumpy's arrays as in the official SMPL files, joblib's arrays, plain
+// containers). Any other name in the file is an InputError: "refers to code (os.system)".
+//
+//     const PickleValue frame = readPickle("0001_body.pkl");
+//     std::vector<float> pose = frame.at("pose").asArray().requireShape({72}).toF32();
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "engine/npz.h"
+
+namespace doppel {
+
+struct PickleGraph;  // everything in one file; values keep it alive
+
+// A value in the file, cheap to copy. Accessors that do not fit the value are InputErrors which say
+// file, path, what was expected and what stands there.
+class PickleValue {
+public:
+    enum class Kind : uint8_t {
+        none,
+        boolean,
+        integer,
+        real,
+        text,
+        bytes,  // Python 2's str as well
+        list,
+        tuple,
+        set,
+        dict,
+        array,   // a NumPy array or scalar
+        object,  // a sparse matrix, a chumpy array, or a type
+    };
+
+    PickleValue(std::shared_ptr<const PickleGraph> graph, uint32_t node, std::string where);
+
+    Kind kind() const;
+    const std::string& where() const { return where_; }  // "0001_body.pkl: pose"
+
+    // Dicts. Keys are compared as text: Python 2's and 3's strings alike, numbers by their digits.
+    PickleValue at(std::string_view key) const;  // the error lists the keys that are there
+    std::optional<PickleValue> find(std::string_view key) const;
+    bool has(std::string_view key) const { return find(key).has_value(); }
+    std::vector<std::string> keys() const;  // in the file's order
+
+    // Lists, tuples, sets.
+    size_t size() const;  // of a dict: how many pairs
+    PickleValue item(size_t index) const;
+
+    // Numbers become 0-d arrays, nested lists of numbers arrays, sparse matrices dense ones;
+    // chumpy's arrays give the numbers in them. Text becomes a text array.
+    Array asArray() const;
+    double asNumber() const;    // one number of any kind, arrays of one element included
+    int64_t asInteger() const;  // a whole one
+    std::string asText() const;
+
+private:
+    std::shared_ptr<const PickleGraph> graph_;
+    uint32_t node_;
+    std::string where_;
+};
+
+// Also behind zlib, as joblib.dump(…, compress=…) writes it. A pickle that is cut short, malformed,
+// too large (2 GiB, 4 million values) or that names code is an InputError.
+PickleValue readPickle(const std::filesystem::path& path);
+PickleValue pickleFromBytes(std::span<const uint8_t> bytes, const std::string& name);
+
+}  // namespace doppel
