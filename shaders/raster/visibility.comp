@@ -1,0 +1,103 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "common/op.glsl"
+#include "raster/params.h"
+#include "raster/triangle.glsl"
+// Visibility buffer: the nearest face at each pixel's centre, both sides drawn. Two passes of
+// integer atomics, first the depth, then the lowest face that has it, so the order of faces does
+// not matter and each face walks over the pixels of its own box.
+PARAMS(VisibilityParams, 7)
+BUFFER(0, readonly, ivec4, faces);     // [F] v0, v1, v2, unused
+BUFFER(1, readonly, vec4, screen);     // [V] from project.comp
+BUFFER(2, readwrite, uint, nearness);  // [H,W] bits of the greatest 1/depth, 0: none
+BUFFER(3, readwrite, uint, index);     // [H,W] face; -1 (all bits set): none
+BUFFER(4, readwrite, uint, large);     // [1+F] count and numbers of large faces, unordered
+BUFFER(5, writeonly, float, mask);     // [H,W]
+BUFFER(6, writeonly, vec4, surface);   // [H,W] perspective-correct barycentrics; depth (m)
+
+// 1/depth at p where the face covers it (edges included), 0 elsewhere.
+float inverseDepthAt(Triangle t, vec2 p) {
+    vec3 e = edgeFunctions(t, p);
+    float total = e.x + e.y + e.z;
+    bool covers = total != 0 && (min(e.x, min(e.y, e.z)) >= 0 || max(e.x, max(e.y, e.z)) <= 0);
+    return covers ? dot(e, t.inverseDepth) / total : 0;
+}
+
+void visit(Triangle t, uint face, int x, int y) {
+    float inverse = inverseDepthAt(t, pixelCentre(x, y, params.width, params.height));
+    if (!(inverse > 0)) return;
+    uint at = uint(y) * params.width + uint(x), bits = floatBitsToUint(inverse);
+    if (params.pass == 0)
+        atomicMax(nearness.d[at], bits);
+    else if (nearness.d[at] == bits)
+        atomicMin(index.d[at], face);
+}
+
+bool before(vec4 a, vec4 b) {
+    return a.x < b.x || a.x == b.x && (a.y < b.y || a.y == b.y && a.z < b.z);
+}
+
+// With the corners in an order of their own, so that faces in the same place have the same depths
+// to the last bit, whichever way they are wound.
+Triangle loadFace(uint face) {
+    ivec4 v = faces.d[face];
+    vec4 a = screen.d[v.x], b = screen.d[v.y], c = screen.d[v.z];
+    vec4 first = before(b, a) ? b : a, second = before(b, a) ? a : b;
+    vec4 third = before(c, second) ? second : c;
+    second = before(c, second) ? c : second;
+    bool swap = before(second, first);
+    return makeTriangle(swap ? second : first, swap ? first : second, third, 0);
+}
+
+// One invocation per face.
+ENTRY(small) {
+    uint face = linearIndex();
+    if (face >= params.faces) return;
+    Triangle t = loadFace(face);
+    PixelBox box = pixelBox(t, 0, params.width, params.height);
+    if (box.count > params.largeBox) {
+        if (params.pass == 0) large.d[1 + atomicAdd(large.d[0], 1)] = face;
+        return;
+    }
+    int x = box.x0, y = box.y0;
+    for (uint k = 0; k < box.count; ++k) {
+        visit(t, face, x, y);
+        ++x;
+        if (x > box.x1) {
+            x = box.x0;
+            ++y;
+        }
+    }
+}
+
+// One workgroup per large face, over and over.
+ENTRY(large) {
+    uint count = large.d[0];
+    for (uint i = gl_WorkGroupID.x; i < count; i += gl_NumWorkGroups.x) {
+        uint face = large.d[1 + i];
+        Triangle t = loadFace(face);
+        PixelBox box = pixelBox(t, 0, params.width, params.height);
+        uint columns = uint(box.x1 - box.x0 + 1);
+        for (uint k = gl_LocalInvocationID.x; k < box.count; k += gl_WorkGroupSize.x)
+            visit(t, face, box.x0 + int(k % columns), box.y0 + int(k / columns));
+    }
+}
+
+ENTRY(resolve) {
+    uint i = linearIndex();
+    if (i >= params.width * params.height) return;
+    uint face = index.d[i];
+    bool covered = face != 0xffffffffu;
+    mask.d[i] = covered ? 1 : 0;
+    vec4 result = vec4(0);
+    if (covered) {
+        ivec4 v = faces.d[face];
+        Triangle t = makeTriangle(screen.d[v.x], screen.d[v.y], screen.d[v.z], 0);
+        vec2 p = pixelCentre(int(i % params.width), int(i / params.width), params.width,
+                             params.height);
+        vec3 e = edgeFunctions(t, p), weights = e * t.inverseDepth;
+        float total = weights.x + weights.y + weights.z;
+        result = vec4(weights / total, (e.x + e.y + e.z) / total);
+    }
+    surface.d[i] = result;
+}
