@@ -89,5 +89,6 @@ void runRender(const RenderOptions& options);
 void runEval(const EvalOptions& options);
 void runExport(const ExportOptions& options);
 void runDemo(const DemoOptions& options);
+void runBench();
 
 }  // namespace doppel

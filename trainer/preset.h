@@ -38,10 +38,8 @@ struct MeshPreset {
     double gradientClip = 0;       // largest gradient norm; 0: none. Program: 2
     bool dilateMask = false;       // 3×3 before the loss. Program: true
     bool balanceHeadings = false;  // draw frames evenly over 8 body headings. Program: true
-    // Clamps K of each block's offsets, metres, per component.
-    double clampFace = 0, clampFootprints = 0, clampHands = 0;  // program: hands .01
-    double clampHead = .04, clampTorso = .06, clampArms = .02, clampForearms = .04;
-    double clampThighs = .04, clampCalves = .03, clampFeet = .02;
+    // Whose table of clamps K bounds the blocks' offsets (see clampBounds): "paper" or "program".
+    std::string clamps = "paper";
 };
 
 // Stage 2: the coarse texture network G_TN.
@@ -79,5 +77,8 @@ std::vector<std::pair<std::string, std::string>> presetValues(const Preset& pres
 // value of another type, or one out of its range; `where` says whose it is ("--set", "run.toml").
 void setPresetValue(Preset& preset, std::string_view name, std::string_view value,
                     std::string_view where);
+
+// What must hold between the numbers (2^depth fits the texture). InputError.
+void checkPreset(const Preset& preset, std::string_view where);
 
 }  // namespace doppel

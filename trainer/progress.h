@@ -61,9 +61,9 @@ private:
 // "1:05:07", "2:09", "0:03".
 std::string clockText(double seconds);
 
-// Curves of one stage: DIR/losses.csv (step,stage and a column per value) and TensorBoard events in
-// DIR/events. Opening it again appends, after cutting off what lies at or beyond `firstStep`, so a
-// resumed run has one curve.
+// Curves of one stage: FOLDER/losses_STAGE.csv (a column for the step and one per value) and
+// TensorBoard events in FOLDER/events/STAGE. A resumed run (firstStep > 0) goes on from the rows
+// before firstStep, so that it has one curve.
 class LossLog {
 public:
     LossLog(const std::filesystem::path& folder, std::string stage,

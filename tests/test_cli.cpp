@@ -1,0 +1,252 @@
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <iostream>
+#include <sstream>
+
+#include "engine/error.h"
+#include "tests/files.h"
+#include "trainer/cli.h"
+#include "trainer/progress.h"
+
+namespace doppel {
+namespace {
+
+using test::Folder;
+using test::messageOf;
+
+// What one command line leads to.
+struct Outcome {
+    int status = -1;
+    std::string called, out, err;
+    ImportOptions import;
+    FitOptions fit;
+    TrainOptions train;
+    RenderOptions render;
+    EvalOptions eval;
+    ExportOptions exporting;
+    DemoOptions demo;
+    CommonOptions common;
+};
+
+Outcome run(
+    const std::vector<std::string>& arguments, const std::function<void()>& during = [] {}) {
+    Outcome o;
+    const auto keep = [&](const char* name, auto& place) {
+        return [&o, &place, &during, name](const auto& options) {
+            o.called = name;
+            place = options;
+            o.common = options.common;
+            during();
+        };
+    };
+    DevicesOptions devices;
+    const Commands commands{
+        keep("devices", devices),    keep("import", o.import), keep("fit", o.fit),
+        keep("train", o.train),      keep("render", o.render), keep("eval", o.eval),
+        keep("export", o.exporting), keep("demo", o.demo),     [&] { o.called = "bench"; }};
+    std::ostringstream out, err;
+    o.status = runCommandLine(arguments, commands, out, err);
+    o.out = out.str();
+    o.err = err.str();
+    return o;
+}
+
+TEST(CommandLine, FillsOptions) {
+    const Outcome import = run({"import", "src", "--out", "c", "--key", "--fps", "25", "--frames",
+                                "0:9", "--no-overlays", "--device", "llvmpipe", "--seed", "9"});
+    EXPECT_EQ(import.status, 0) << import.err;
+    EXPECT_EQ(import.called, "import");
+    EXPECT_EQ(import.import.source, "src");
+    EXPECT_EQ(import.import.out, "c");
+    EXPECT_TRUE(import.import.key);
+    EXPECT_FALSE(import.import.overlays);
+    EXPECT_EQ(import.import.fps, 25);
+    EXPECT_EQ(import.import.frames, "0:9");
+    EXPECT_EQ(import.import.body, "default");
+    EXPECT_EQ(import.common.device, "llvmpipe");
+    EXPECT_EQ(import.common.seed, 9u);
+    EXPECT_EQ(import.common.commandLine.find("doppel import src --out c"), 0u);
+
+    const Outcome train =
+        run({"train", "c", "--out", "a", "--preset", "paper", "--stages", "texture,mesh", "--set",
+             "mesh.batch=2", "--set", "mesh.lr=1e-3", "--memory", "2GB", "--frames", "-3:"});
+    EXPECT_EQ(train.status, 0) << train.err;
+    EXPECT_EQ(train.train.stages, (std::vector<std::string>{"mesh", "texture"}));
+    EXPECT_EQ(train.train.preset.name, "paper");
+    EXPECT_EQ(train.train.preset.mesh.batch, 2);
+    EXPECT_EQ(train.train.preset.mesh.lr, 1e-3);
+    EXPECT_EQ(train.train.preset.texture.batch, 8);
+    EXPECT_EQ(train.train.memoryBudget, uint64_t{2} << 30);
+    EXPECT_EQ(train.train.frames, "-3:");
+    EXPECT_EQ(run({"train", "c", "--out", "a"}).train.stages.size(), 3u);
+
+    EXPECT_EQ(run({"demo"}).demo.preset.name, "ci");
+    EXPECT_EQ(run({"demo"}).demo.out, "out/demo");
+    EXPECT_EQ(run({"render", "a", "--motion", "m", "--out", "x.mp4", "--background", "#00ff7F"})
+                  .render.background,
+              "#00ff7F");
+    EXPECT_TRUE(run({"eval", "a", "c", "--fit-test-poses", "--json"}).eval.fitTestPoses);
+    EXPECT_TRUE(run({"devices", "--json"}).common.json);
+    EXPECT_EQ(run({"bench"}).called, "bench");
+}
+
+TEST(CommandLine, ConfigUnderFlags) {
+    Folder folder;
+    folder.write("run.toml", std::string("device = \"llvm\"\nseed = 5\npreset = \"paper\"\n"
+                                         "stages = [\"mesh\"]\nfps = 12\nresume = true\n"
+                                         "[mesh]\nbatch = 3\nlaplacian = 2.5\ndilateMask = true\n"
+                                         "[texture]\nregion = \"intersection\"\n"));
+    const std::string config = (folder / "run.toml").string();
+    const Outcome o = run(
+        {"train", "c", "--out", "a", "--config", config, "--seed", "6", "--set", "mesh.batch=7"});
+    EXPECT_EQ(o.status, 0) << o.err;
+    EXPECT_EQ(o.common.device, "llvm");
+    EXPECT_EQ(o.common.seed, 6u);
+    EXPECT_EQ(o.train.stages, std::vector<std::string>{"mesh"});
+    EXPECT_TRUE(o.train.resume);
+    EXPECT_EQ(o.train.preset.name, "paper");
+    EXPECT_EQ(o.train.preset.mesh.batch, 7);
+    EXPECT_EQ(o.train.preset.mesh.laplacian, 2.5);
+    EXPECT_TRUE(o.train.preset.mesh.dilateMask);
+    EXPECT_EQ(o.train.preset.texture.region, "intersection");
+    // The same file serves another command, and flags win.
+    EXPECT_EQ(run({"import", "s", "--out", "c", "--config", config}).import.fps, 12);
+    EXPECT_EQ(
+        run({"train", "c", "--out", "a", "--config", config, "--preset", "ci"}).train.preset.name,
+        "ci");
+
+    const auto refuse = [&](const std::string& text, const std::string& sentence) {
+        folder.write("bad.toml", text);
+        const Outcome bad =
+            run({"train", "c", "--out", "a", "--config", (folder / "bad.toml").string()});
+        EXPECT_EQ(bad.status, 2);
+        EXPECT_TRUE(bad.called.empty());
+        EXPECT_NE(bad.err.find(sentence), std::string::npos) << bad.err;
+        EXPECT_EQ(std::count(bad.err.begin(), bad.err.end(), '\n'), 1) << bad.err;
+    };
+    refuse("sed = 5", "bad.toml: sed: expected the name of an option, found one that no command");
+    refuse("seed = \"many\"", "bad.toml: seed: ");
+    refuse("preset = ", "bad.toml: line 1: not TOML");
+    refuse("[mesh]\nbatches = 3", "bad.toml: there is no number \"mesh.batches\"; there are mesh.");
+    refuse("[mesh]\nbatch = 0", "bad.toml: mesh.batch: expected a whole number from 1 to 256");
+    refuse("[mash]\nbatch = 1", "bad.toml: mash: expected a table fit, mesh or texture");
+    const Outcome missing = run({"train", "c", "--out", "a", "--config", "no/such.toml"});
+    EXPECT_EQ(missing.status, 2);
+    EXPECT_NE(missing.err.find("no/such.toml"), std::string::npos);
+}
+
+TEST(CommandLine, RefusesWithOneLineAndTwo) {
+    const auto refuse = [](const std::vector<std::string>& arguments, const std::string& sentence) {
+        const Outcome o = run(arguments);
+        EXPECT_EQ(o.status, 2);
+        EXPECT_TRUE(o.called.empty()) << o.called;
+        EXPECT_TRUE(o.out.empty()) << o.out;
+        EXPECT_NE(o.err.find(sentence), std::string::npos) << o.err;
+        EXPECT_EQ(std::count(o.err.begin(), o.err.end(), '\n'), 1) << o.err;
+    };
+    refuse({}, "doppel: a command is missing; `doppel --help` tells more");
+    refuse({"trian"}, "doppel: there is no command \"trian\"; there are devices, import, fit");
+    refuse({"fit", "c"}, "doppel fit: --out is required");
+    refuse({"fit", "c", "--out", "d", "--colour"}, "--colour");
+    refuse({"import", "--out", "c"}, "SRC is required");
+    refuse({"import", "s", "--out", "c", "--fps", "0"}, "--fps");
+    refuse({"train", "c", "--out", "a", "--preset", "huge"},
+           "--preset: expected one of ci, small, paper, found \"huge\"");
+    refuse({"train", "c", "--out", "a", "--stages", "mesh,hair"},
+           "--stages: expected some of fit,mesh,texture, found \"hair\"");
+    refuse({"train", "c", "--out", "a", "--set", "mesh.batch"},
+           "--set: expected NAME=VALUE (mesh.batch=8), found \"mesh.batch\"");
+    refuse({"train", "c", "--out", "a", "--set", "mesh.batch=two"},
+           "--set: mesh.batch: expected a whole number from 1 to 256, found \"two\"");
+    refuse({"train", "c", "--out", "a", "--set", "texture.textureSize=300"},
+           "texture.textureSize: expected a power of two, found 300");
+    refuse({"train", "c", "--out", "a", "--set", "texture.depth=12"}, "texture.depth: expected");
+    refuse({"train", "c", "--out", "a", "--seed", "-1"}, "--seed");
+    refuse({"render", "a", "--motion", "m", "--out", "d", "--background", "green"},
+           "--background: expected capture or a colour as #rrggbb, found \"green\"");
+    refuse({"export", "a", "--out", "a.obj"}, "--out: expected a name that ends in .glb");
+}
+
+TEST(CommandLine, ExitStatusSaysWhoseFaultItIs) {
+    const auto statusWhen = [](const std::function<void()>& during) {
+        return run({"devices"}, during);
+    };
+    EXPECT_EQ(statusWhen([] {}).status, 0);
+    const Outcome input = statusWhen([] { throw InputError("a.npz: x: wrong"); });
+    EXPECT_EQ(input.status, 2);
+    EXPECT_EQ(input.err, "doppel: a.npz: x: wrong\n");
+    const Outcome machine = statusWhen([] { throw MachineError("no space"); });
+    EXPECT_EQ(machine.status, 1);
+    EXPECT_EQ(machine.err, "doppel: no space\n");
+    EXPECT_EQ(statusWhen([] { throw std::bad_alloc(); }).status, 1);
+    const Outcome stopped = statusWhen([] { throw Interrupted{"checkpoint a/checkpoints"}; });
+    EXPECT_EQ(stopped.status, 130);
+    EXPECT_EQ(stopped.err, "doppel: interrupted; kept: checkpoint a/checkpoints\n");
+}
+
+TEST(CommandLine, HelpShowsAnExample) {
+    const Outcome all = run({"--help"});
+    EXPECT_EQ(all.status, 0);
+    for (const char* command :
+         {"devices", "import", "fit", "train", "render", "eval", "export", "demo", "bench"}) {
+        EXPECT_NE(all.out.find(command), std::string::npos) << command;
+        const Outcome one = run({command, "--help"});
+        EXPECT_EQ(one.status, 0);
+        EXPECT_TRUE(one.err.empty());
+        EXPECT_NE(one.out.find(std::string("Example:\n  doppel ") + command), std::string::npos)
+            << one.out;
+        EXPECT_NE(one.out.find("--device"), std::string::npos);
+    }
+    EXPECT_NE(run({"--version"}).out.find("doppel 0."), std::string::npos);
+}
+
+TEST(Presets, PaperIsThePapers) {
+    const Preset paper = presetByName("paper");
+    EXPECT_EQ(paper.mesh.size, 256);
+    EXPECT_EQ(paper.mesh.blocks * paper.mesh.layers, 18);
+    EXPECT_EQ(paper.mesh.lr, 1e-4);
+    EXPECT_EQ(paper.mesh.gradientClip, 0);
+    EXPECT_EQ(paper.texture.textureSize, 512);
+    EXPECT_EQ(paper.texture.depth, 9);
+    EXPECT_EQ(paper.texture.steps, 2000);
+    EXPECT_EQ(paper.texture.region, "union");
+    for (const std::string& name : presetNames()) {
+        Preset preset = presetByName(name);
+        EXPECT_NO_THROW(checkPreset(preset, name));
+        // Every number can be set to what it is.
+        for (const auto& [field, value] : presetValues(preset)) {
+            EXPECT_NO_THROW(setPresetValue(preset, field, value, "test")) << field;
+        }
+        EXPECT_EQ(presetValues(preset), presetValues(presetByName(name)));
+    }
+}
+
+TEST(Progress, SaysWhatIsLeft) {
+    const Progress progress("mesh", 400);
+    EXPECT_EQ(progress.line(100, {{"loss", .25}}, 30), "mesh 100/400  loss 0.25  1:30 left");
+    EXPECT_EQ(progress.line(400, {}, 3725), "mesh 400/400  1:02:05 in all");
+    EXPECT_EQ(clockText(59.6), "1:00");
+    EXPECT_EQ(clockText(0), "0:00");
+}
+
+TEST(Progress, TheSecondInterruptKills) {
+    const pid_t child = fork();
+    if (child == 0) {
+        catchInterrupts();
+        if (interrupted()) _exit(1);
+        raise(SIGINT);
+        if (!interrupted()) _exit(2);
+        raise(SIGINT);
+        _exit(3);
+    }
+    int status = 0;
+    waitpid(child, &status, 0);
+    ASSERT_TRUE(WIFSIGNALED(status)) << WEXITSTATUS(status);
+    EXPECT_EQ(WTERMSIG(status), SIGINT);
+}
+
+}  // namespace
+}  // namespace doppel

@@ -1,0 +1,206 @@
+#include "trainer/preset.h"
+
+#include <fmt/ranges.h>
+
+#include <bit>
+#include <charconv>
+#include <cmath>
+#include <type_traits>
+
+#include "engine/error.h"
+
+namespace doppel {
+
+namespace {
+
+// Calls visit(name, field, lowest, highest) for every number, in the order of the declaration; for
+// texts the limits are ignored.
+template <typename P, typename Visit>
+void visitFields(P& preset, Visit visit) {
+    constexpr double kMany = 1e9;
+    auto& f = preset.fit;
+    visit("fit.size", f.size, 16, 4096);
+    visit("fit.batch", f.batch, 1, 256);
+    visit("fit.steps", f.steps, 0, kMany);
+    visit("fit.sigma", f.sigma, 1e-9, 1);
+    visit("fit.blurRadius", f.blurRadius, 0, 1);
+    visit("fit.lrTheta", f.lrTheta, 0, 10);
+    visit("fit.lrTrans", f.lrTrans, 0, 10);
+    visit("fit.lrBeta", f.lrBeta, 0, 10);
+    visit("fit.priorTheta", f.priorTheta, 0, kMany);
+    visit("fit.smoothTheta", f.smoothTheta, 0, kMany);
+    visit("fit.priorBeta", f.priorBeta, 0, kMany);
+    visit("fit.keypoints", f.keypoints, 0, kMany);
+    auto& m = preset.mesh;
+    visit("mesh.size", m.size, 16, 4096);
+    visit("mesh.blocks", m.blocks, 1, 16);
+    visit("mesh.layers", m.layers, 1, 64);
+    visit("mesh.hidden", m.hidden, 4, 1024);
+    visit("mesh.batch", m.batch, 1, 256);
+    visit("mesh.epochs", m.epochs, 0, kMany);
+    visit("mesh.steps", m.steps, 0, kMany);
+    visit("mesh.lr", m.lr, 0, 10);
+    visit("mesh.beta1", m.beta1, 0, .999999);
+    visit("mesh.beta2", m.beta2, 0, .999999);
+    visit("mesh.weightDecay", m.weightDecay, 0, 10);
+    visit("mesh.constantPart", m.constantPart, 0, 1);
+    visit("mesh.sigma", m.sigma, 1e-9, 1);
+    visit("mesh.blurRadius", m.blurRadius, 0, 1);
+    visit("mesh.laplacian", m.laplacian, 0, kMany);
+    visit("mesh.normal", m.normal, 0, kMany);
+    visit("mesh.silhouette", m.silhouette, 0, kMany);
+    visit("mesh.gradientClip", m.gradientClip, 0, kMany);
+    visit("mesh.dilateMask", m.dilateMask, 0, 1);
+    visit("mesh.balanceHeadings", m.balanceHeadings, 0, 1);
+    visit("mesh.clamps", m.clamps, 0, 0);
+    auto& t = preset.texture;
+    visit("texture.size", t.size, 16, 4096);
+    visit("texture.textureSize", t.textureSize, 16, 4096);
+    visit("texture.width", t.width, 1, 512);
+    visit("texture.depth", t.depth, 2, 12);
+    visit("texture.batch", t.batch, 1, 256);
+    visit("texture.steps", t.steps, 0, kMany);
+    visit("texture.lr", t.lr, 0, 10);
+    visit("texture.beta1", t.beta1, 0, .999999);
+    visit("texture.beta2", t.beta2, 0, .999999);
+    visit("texture.weightDecay", t.weightDecay, 0, 10);
+    visit("texture.constantPart", t.constantPart, 0, 1);
+    visit("texture.weight", t.weight, 0, kMany);
+    visit("texture.dropout", t.dropout, 0, .99);
+    visit("texture.region", t.region, 0, 0);
+    visit("texture.constantInput", t.constantInput, 0, 1);
+}
+
+std::string textOf(bool value) { return value ? "true" : "false"; }
+std::string textOf(int value) { return fmt::format("{}", value); }
+std::string textOf(double value) { return fmt::format("{}", value); }
+std::string textOf(const std::string& value) { return value; }
+
+// The whole text as a number, or nothing.
+template <typename T>
+bool parseNumber(std::string_view text, T& value) {
+    if (text.starts_with('+')) text.remove_prefix(1);
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    return error == std::errc() && end == text.data() + text.size();
+}
+
+std::vector<std::string> namesInSection(const Preset& preset, std::string_view name) {
+    const std::string section(name.substr(0, name.find('.')));
+    std::vector<std::string> near, all;
+    for (const auto& [known, value] : presetValues(preset)) {
+        all.push_back(known);
+        if (known.starts_with(section + ".")) near.push_back(known);
+    }
+    return near.empty() ? all : near;
+}
+
+}  // namespace
+
+const std::vector<std::string>& presetNames() {
+    static const std::vector<std::string> names{"ci", "small", "paper"};
+    return names;
+}
+
+Preset presetByName(std::string_view name) {
+    Preset preset;  // the declarations' values are the paper's
+    preset.name = name;
+    if (name == "paper") {
+        preset.fit.steps = 600;
+        return preset;
+    }
+    // What the authors' program adds makes short runs steadier.
+    preset.mesh.gradientClip = 2;
+    preset.mesh.balanceHeadings = true;
+    if (name == "small") {
+        preset.mesh.hidden = 64;
+        preset.mesh.steps = 1500;
+        preset.mesh.lr = 3e-4;
+        preset.texture.size = 256;
+        preset.texture.textureSize = 256;
+        preset.texture.depth = 8;
+        preset.texture.width = 32;
+        preset.texture.batch = 4;
+        preset.texture.steps = 1000;
+        return preset;
+    }
+    if (name == "ci") {
+        preset.fit.size = 128;
+        preset.fit.steps = 120;
+        preset.mesh.size = 128;
+        preset.mesh.blocks = 2;
+        preset.mesh.layers = 3;
+        preset.mesh.hidden = 32;
+        preset.mesh.steps = 200;
+        preset.mesh.lr = 1e-3;
+        preset.texture.size = 128;
+        preset.texture.textureSize = 128;
+        preset.texture.depth = 7;
+        preset.texture.width = 16;
+        preset.texture.batch = 4;
+        preset.texture.steps = 200;
+        return preset;
+    }
+    throwInput("--preset: expected one of {}, found \"{}\"", fmt::join(presetNames(), ", "), name);
+}
+
+std::vector<std::pair<std::string, std::string>> presetValues(const Preset& preset) {
+    std::vector<std::pair<std::string, std::string>> values;
+    visitFields(preset, [&](const char* name, const auto& field, double, double) {
+        values.emplace_back(name, textOf(field));
+    });
+    return values;
+}
+
+void setPresetValue(Preset& preset, std::string_view name, std::string_view value,
+                    std::string_view where) {
+    Preset changed = preset;
+    bool known = false;
+    visitFields(changed, [&](const char* field, auto& target, double lowest, double highest) {
+        if (name != field) return;
+        known = true;
+        using T = std::remove_reference_t<decltype(target)>;
+        if constexpr (std::is_same_v<T, std::string>) {
+            const std::array<std::string_view, 2> choices =
+                name == "mesh.clamps" ? std::array<std::string_view, 2>{"paper", "program"}
+                                      : std::array<std::string_view, 2>{"union", "intersection"};
+            if (value != choices[0] && value != choices[1]) {
+                throwInput("{}: {}: expected {} or {}, found \"{}\"", where, name, choices[0],
+                           choices[1], value);
+            }
+            target = value;
+        } else if constexpr (std::is_same_v<T, bool>) {
+            if (value != "true" && value != "false") {
+                throwInput("{}: {}: expected true or false, found \"{}\"", where, name, value);
+            }
+            target = value == "true";
+        } else {
+            const char* kind = std::is_integral_v<T> ? "a whole number" : "a number";
+            T parsed{};
+            if (!parseNumber(value, parsed) || !(double(parsed) >= lowest) ||
+                !(double(parsed) <= highest)) {
+                throwInput("{}: {}: expected {} from {} to {}, found \"{}\"", where, name, kind,
+                           lowest, highest, value);
+            }
+            target = parsed;
+        }
+    });
+    if (!known) {
+        throwInput("{}: there is no number \"{}\"; there are {}", where, name,
+                   fmt::join(namesInSection(preset, name), ", "));
+    }
+    preset = std::move(changed);
+}
+
+void checkPreset(const Preset& preset, std::string_view where) {
+    const TexturePreset& t = preset.texture;
+    if ((t.textureSize & (t.textureSize - 1)) != 0) {
+        throwInput("{}: texture.textureSize: expected a power of two, found {}", where,
+                   t.textureSize);
+    }
+    if (t.textureSize >> t.depth < 1) {
+        throwInput("{}: texture.depth: expected at most {} for a texture of {} pixels, found {}",
+                   where, std::bit_width(unsigned(t.textureSize)) - 1, t.textureSize, t.depth);
+    }
+}
+
+}  // namespace doppel
