@@ -1,0 +1,81 @@
+// A body model in SMPL's terms: a template mesh with shape directions, 24 joints and skinning
+// weights, and what the method needs beside it: an atlas, part labels, face and soles.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "engine/npz.h"
+
+namespace doppel {
+
+// Labels of BodyModel::part; 0 is none of them.
+enum BodyPart : uint8_t {
+    kHead = 1,  // and neck
+    kTorso,
+    kLeftUpperArm,
+    kRightUpperArm,
+    kLeftForearm,
+    kRightForearm,
+    kLeftThigh,
+    kRightThigh,
+    kLeftCalf,
+    kRightCalf,
+    kLeftFoot,
+    kRightFoot,
+    kLeftHand,
+    kRightHand,
+    kBodyPartEnd,
+};
+
+// Rest pose: metres, y up, x to the body's left, z forward. C order.
+struct BodyModel {
+    static constexpr int kJoints = 24, kShapes = 10, kPoseFeatures = 207;
+
+    std::string file;  // for errors
+    int64_t vertexCount = 0, faceCount = 0, uvCount = 0;
+    std::vector<float> templateVertices;  // [V,3]
+    std::vector<int32_t> faces;           // [F,3] counter-clockwise from outside
+    std::vector<float> shapeDirections;   // [V,3,10] m per standard deviation
+    std::vector<float> poseDirections;    // [V,3,207] of R - I of joints 1 to 23; empty: none
+    std::vector<float> weights;           // [V,24] each row sums to one
+    std::vector<float> jointRegressor;    // [24,V] each row sums to one
+    std::vector<int32_t> parents;         // [24] -1 for the first, else less than the joint
+    std::vector<float> uvs;               // [T,2] glTF's: (0,0) is the texture's top left corner
+    std::vector<int32_t> uvFaces;         // [F,3] into uvs, corner by corner as faces
+    std::vector<uint8_t> part;            // [V] BodyPart
+    std::vector<uint8_t> face, sole;      // [V] 1 inside
+};
+
+// From the arrays of our body files (assets/body) or of SMPL's:
+//
+//     v_template [V,3]  f [F,3]  shapedirs [V,3,10 or more; the first ten count]
+//     weights [V,24]  J_regressor [24,V]  kintree_table [2,24] (row 0: parents)
+//     posedirs [V,3,207]                          optional
+//     vt [T,2] and ft [F,3]                       optional: an atlas is made (see body_atlas.h)
+//     part [V], face_mask [V], sole_mask [V]      optional: from weights and template
+//
+// Other arrays are left alone. Everything is checked; what is wrong is an InputError that names
+// the file, the array, what was expected and what was found.
+BodyModel bodyFromNpz(const Npz& arrays);
+
+// parents [24]: a tree in which every joint comes after its parent, the first having none (any
+// negative number). InputError naming `where` otherwise.
+void checkParents(std::span<const int32_t> parents, std::string_view where);
+
+// [24,3] Joints in rest pose, and [V,3] shaped vertices, for beta [10].
+std::vector<double> shapedVertices(const BodyModel& body, std::span<const double> beta);
+std::vector<double> restJoints(const BodyModel& body, std::span<const double> beta);
+
+// The method's K(v): how far one block of the mesh refinement may move a vertex along each axis,
+// metres [V]. Zero on the face, the soles and the hands.
+enum class ClampBounds {
+    Paper,    // as the paper's table has it
+    Program,  // as its authors' program has it: upper arms and forearms the other way round
+};
+std::vector<float> clampBounds(const BodyModel& body, ClampBounds source);
+
+}  // namespace doppel

@@ -1,0 +1,27 @@
+// Ops on the vertices of a mesh whose topology is fixed. Everything is gathered along lists of
+// neighbours, corners and pairs (nn/mesh.h), in their order: the same bits every run.
+#pragma once
+
+#include "nn/mesh.h"
+
+namespace doppel {
+
+// n = s / max(|s|, 1e-6 m^2), s being the sum over the faces at the vertex of their cross products
+// (v1 - v0) x (v2 - v0): larger faces count for more. A vertex without faces, or whose faces cancel
+// out, gets zero. verts [V,3], result [V,3]. Gradient to verts.
+Tensor vertexNormals(Graph& graph, const Tensor& verts, const MeshTensors& mesh);
+
+// Mean over the vertices of |(mean of the neighbours) - v|, not squared. A vertex without
+// neighbours contributes zero. verts [V,3], result []. Gradient to verts; zero where the length is.
+Tensor laplacianLoss(Graph& graph, const Tensor& verts, const MeshTensors& mesh);
+
+// Mean over the pairs of faces that share an edge of 1 - cos(n0, n1), the pair being wound
+// consistently whatever the order of its corners; 0 without pairs. A pair with a face of no area
+// counts 1 and has no gradient. verts [V,3], result []. Gradient to verts.
+Tensor normalConsistencyLoss(Graph& graph, const Tensor& verts, const MeshTensors& mesh);
+
+// y = verts + clamp(offset, -limit, +limit) per component. verts [V,3], offset [V,3], limit [V].
+// Gradients to verts and to offset, zero where |offset| >= limit.
+Tensor offsetClamp(Graph& graph, const Tensor& verts, const Tensor& offset, const Tensor& limit);
+
+}  // namespace doppel

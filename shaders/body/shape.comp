@@ -1,0 +1,60 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "common/op.glsl"
+#include "body/params.h"
+PARAMS(BodyParams, 11)
+BUFFER(0, readonly, vec3, templateVerts);         // [V,3]
+BUFFER(1, readonly, float, shapeDirections);  // [V,3,10]
+BUFFER(2, readonly, float, beta);             // [10]
+BUFFER(3, writeonly, vec3, shaped);           // [V,3] forward's result
+BUFFER(4, readonly, vec3, dposed);            // [V,3] before pose blend shapes have been added
+BUFFER(5, readonly, float, regressor);        // [n] the numbers of the regressor that are there
+BUFFER(6, readonly, int, vertexBegin);        // [V+1]
+BUFFER(7, readonly, ivec2, vertexEntries);    // [n,2] by vertex: joint, place in regressor
+BUFFER(8, readonly, vec3, drest);             // [24,3] of the joints in rest pose
+BUFFER(9, readwrite, vec3, dshaped);          // [V,3] = dtemplate
+BUFFER(10, writeonly, float, partial);        // [chunks,10] of dbeta
+const int kShapes = 10;
+
+// shaped = templateVerts + shapeDirections * beta
+ENTRY(forward) {
+    uint v = linearIndex();
+    if (v >= params.vertices) return;
+    vec3 sum = templateVerts.d[v];
+    uint row = v * 3 * kShapes;
+    for (int k = 0; k < kShapes; ++k)
+        sum += beta.d[k] * vec3(shapeDirections.d[row + k], shapeDirections.d[row + kShapes + k],
+                                shapeDirections.d[row + 2 * kShapes + k]);
+    shaped.d[v] = sum;
+}
+
+// A vertex moves the skin directly and through the joints that are regressed from it.
+ENTRY(backward) {
+    uint v = linearIndex();
+    if (v >= params.vertices) return;
+    vec3 sum = dposed.d[v];
+    int end = vertexBegin.d[v + 1];
+    for (int i = vertexBegin.d[v]; i < end; ++i) {
+        ivec2 entry = vertexEntries.d[i];
+        sum += regressor.d[entry.y] * drest.d[entry.x];
+    }
+    dshaped.d[v] = sum;
+}
+
+// One invocation per chunk of vertices.
+ENTRY(backward_beta) {
+    uint chunk = linearIndex();
+    if (chunk >= params.chunks) return;
+    uint end = min(params.vertices, (chunk + 1) * kBodyChunk);
+    float sum[kShapes];
+    for (int k = 0; k < kShapes; ++k) sum[k] = 0;
+    for (uint v = chunk * kBodyChunk; v < end; ++v) {
+        vec3 d = dshaped.d[v];
+        uint row = v * 3 * kShapes;
+        for (int k = 0; k < kShapes; ++k)
+            sum[k] += d.x * shapeDirections.d[row + k] +
+                      d.y * shapeDirections.d[row + kShapes + k] +
+                      d.z * shapeDirections.d[row + 2 * kShapes + k];
+    }
+    for (int k = 0; k < kShapes; ++k) partial.d[chunk * kShapes + k] = sum[k];
+}
