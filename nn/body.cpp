@@ -16,10 +16,10 @@ constexpr int64_t kMaxVertices = 1'000'000, kMaxFaces = 2'000'000;
 
 // Of SMPL's 24 joints, the part that their skin belongs to.
 constexpr std::array<uint8_t, BodyModel::kJoints> kPartOfJoint = {
-    kTorso,        kLeftThigh,     kRightThigh,  kTorso,        kLeftCalf,  kRightCalf,
-    kTorso,        kLeftFoot,      kRightFoot,   kTorso,        kLeftFoot,  kRightFoot,
-    kHead,         kTorso,         kTorso,       kHead,         kLeftUpperArm, kRightUpperArm,
-    kLeftForearm,  kRightForearm,  kLeftHand,    kRightHand,    kLeftHand,  kRightHand};
+    kTorso,       kLeftThigh,    kRightThigh, kTorso,     kLeftCalf,     kRightCalf,
+    kTorso,       kLeftFoot,     kRightFoot,  kTorso,     kLeftFoot,     kRightFoot,
+    kHead,        kTorso,        kTorso,      kHead,      kLeftUpperArm, kRightUpperArm,
+    kLeftForearm, kRightForearm, kLeftHand,   kRightHand, kLeftHand,     kRightHand};
 constexpr int kHeadJoint = 15;
 
 // Reads arrays of one file and says in one line what is wrong with them.
@@ -33,13 +33,13 @@ struct Reader {
     const Array& need(std::string_view name) const {
         const Array* array = find(name);
         if (!array)
-            throwInput("{} is missing; a body model has v_template, f, shapedirs, weights, "
-                       "J_regressor and kintree_table",
-                       where(name));
+            throwInput(
+                "{} is missing; a body model has v_template, f, shapedirs, weights, "
+                "J_regressor and kintree_table",
+                where(name));
         return *array;
     }
-    std::vector<float> numbers(std::string_view name,
-                               std::initializer_list<int64_t> shape) const {
+    std::vector<float> numbers(std::string_view name, std::initializer_list<int64_t> shape) const {
         const Array& array = need(name).requireShape(shape, where(name));
         if (!array.isNumber())
             throwInput("{}: expected numbers, found {}", where(name), dtypeName(array.dtype));
@@ -141,8 +141,8 @@ std::vector<uint8_t> solesFromTemplate(const BodyModel& body) {
 
 void checkParents(std::span<const int32_t> parents, std::string_view where) {
     for (size_t j = 0; j < parents.size(); ++j) {
-        bool fits = j == 0 ? parents[j] < 0
-                           : parents[j] >= 0 && parents[j] < static_cast<int32_t>(j);
+        bool fits =
+            j == 0 ? parents[j] < 0 : parents[j] >= 0 && parents[j] < static_cast<int32_t>(j);
         if (!fits)
             throwInput("{}: joint {} has the parent {}; expected {}", where, j, parents[j],
                        j == 0 ? "-1" : fmt::format("0 to {}", j - 1));
@@ -217,8 +217,8 @@ BodyModel bodyFromNpz(const Npz& arrays) {
 
     body.part = in.find("part") ? in.labels("part", body.vertexCount, kBodyPartEnd)
                                 : partsFromWeights(body);
-    body.face = in.find("face_mask") ? in.labels("face_mask", body.vertexCount, 2)
-                                     : faceFromWeights(body);
+    body.face =
+        in.find("face_mask") ? in.labels("face_mask", body.vertexCount, 2) : faceFromWeights(body);
     body.sole = in.find("sole_mask") ? in.labels("sole_mask", body.vertexCount, 2)
                                      : solesFromTemplate(body);
     if (in.find("vt") || in.find("ft")) {

@@ -33,7 +33,7 @@ constexpr std::array<Side, 6> kSides = {{
 struct Chart {
     std::vector<size_t> faces;
     double left = INFINITY, bottom = INFINITY, right = -INFINITY, top = -INFINITY;
-    double density = 1;  // relative texels per metre
+    double density = 1;   // relative texels per metre
     double x = 0, y = 0;  // of the left top corner in the atlas
 
     double width() const { return density * (right - left); }
@@ -98,15 +98,16 @@ Atlas makeAtlas(std::span<const float> vertices, std::span<const int32_t> faces,
     constexpr double kEdgeOn = 0.25;
     constexpr int kRounds = 8;
     auto neighbours = [&](size_t f) {
-        return std::span(mesh.pairFaces).subspan(size_t(mesh.pairBegin[f]),
-                                                 size_t(mesh.pairBegin[f + 1] - mesh.pairBegin[f]));
+        return std::span(mesh.pairFaces)
+            .subspan(size_t(mesh.pairBegin[f]), size_t(mesh.pairBegin[f + 1] - mesh.pairBegin[f]));
     };
     for (int round = 0; round < kRounds; ++round) {
         std::vector<int> before = side;
         for (size_t f = 0; f < faceCount; ++f) {
             std::array<int, kSides.size()> votes{};
             for (int32_t pair : neighbours(f))
-                if (facePart[size_t(pair / 2)] == facePart[f]) ++votes[size_t(before[size_t(pair / 2)])];
+                if (facePart[size_t(pair / 2)] == facePart[f])
+                    ++votes[size_t(before[size_t(pair / 2)])];
             auto most = static_cast<size_t>(std::ranges::max_element(votes) - votes.begin());
             if (votes[most] >= 2 && dot(normals[f], kSides[most].direction) > kEdgeOn)
                 side[f] = static_cast<int>(most);
@@ -165,8 +166,8 @@ Atlas makeAtlas(std::span<const float> vertices, std::span<const int32_t> faces,
         std::map<int32_t, int32_t> uvOf;  // of the chart's vertices
         for (size_t f : chart.faces)
             for (size_t i = 0; i < 3; ++i) {
-                auto [place, isNew] = uvOf.try_emplace(
-                    faces[3 * f + i], static_cast<int32_t>(atlas.uvs.size() / 2));
+                auto [place, isNew] =
+                    uvOf.try_emplace(faces[3 * f + i], static_cast<int32_t>(atlas.uvs.size() / 2));
                 atlas.uvFaces[3 * f + i] = place->second;
                 if (!isNew) continue;
                 double u = chart.x + scale * (dot(point(f, i), view.right) - chart.left);

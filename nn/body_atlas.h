@@ -14,9 +14,9 @@ struct Atlas {
 };
 
 // Looks at each part of the body from six sides: connected faces of one part that are seen best
-// from the same side become a chart, drawn as that side sees them. Charts lie beside each other with
-// seams between; no two faces share a texel, save where a chart folds over itself. The head gets
-// twice the texels per metre. The same input gives the same atlas.
+// from the same side become a chart, drawn as that side sees them. Charts lie beside each other
+// with seams between; no two faces share a texel, save where a chart folds over itself. The head
+// gets twice the texels per metre. The same input gives the same atlas.
 //
 // vertices [V,3], faces [F,3], part [V] (1 to 14, see BodyPart).
 Atlas makeAtlas(std::span<const float> vertices, std::span<const int32_t> faces,

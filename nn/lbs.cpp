@@ -95,10 +95,10 @@ LbsModel lbsModel(Graph& graph, const BodyModel& body) {
     size_t influences = 1;
     auto isThere = [](float number) { return number != 0; };
     for (size_t v = 0; v < vertices; ++v)
-        influences = std::max(
-            influences, static_cast<size_t>(std::count_if(&body.weights[v * joints],
-                                                          &body.weights[v * joints] + joints,
-                                                          isThere)));
+        influences =
+            std::max(influences,
+                     static_cast<size_t>(std::count_if(
+                         &body.weights[v * joints], &body.weights[v * joints] + joints, isThere)));
     std::vector<float> weights(vertices * influences);
     std::vector<int32_t> weightJoints(vertices * influences);
     for (size_t v = 0; v < vertices; ++v)
@@ -265,8 +265,7 @@ PosedBody lbs(Graph& graph, const LbsModel& model, const Tensor& templateVerts, 
                         {"dshaped", dshaped},
                         {"partial", partial}},
                        chunkParams, chunkParams.chunks);
-        graph.dispatch("body/columns.sum",
-                       {{"x", partial}, {"y", graph.gradientTarget(beta)}},
+        graph.dispatch("body/columns.sum", {{"x", partial}, {"y", graph.gradientTarget(beta)}},
                        ColumnsParams{chunkParams.chunks, static_cast<uint32_t>(kShapes)},
                        uint64_t{kShapes});
     });
@@ -282,13 +281,10 @@ Tensor rigidTransform(Graph& graph, const Tensor& verts, const Tensor& rotation,
     BodyParams params{vertices, 0, chunksOf(vertices)};
     Tensor y = graph.temporary(verts.shape);
     graph.beginOp("rigid_transform");
-    graph.dispatch("body/rigid.forward",
-                   {{"verts", verts},
-                    {"rotation", rotation},
-                    {"pivot", pivot},
-                    {"trans", trans},
-                    {"y", y}},
-                   params, vertices);
+    graph.dispatch(
+        "body/rigid.forward",
+        {{"verts", verts}, {"rotation", rotation}, {"pivot", pivot}, {"trans", trans}, {"y", y}},
+        params, vertices);
     graph.differentiate({verts, rotation, pivot, trans}, {y}, [=, &graph] {
         Tensor dy = graph.gradient(y);
         if (graph.wantsGradient(verts))
@@ -338,15 +334,15 @@ static const Op kLbs{{
             model.poseDirections = c["posedirs"];
             model.weights = c["weights"];
             std::vector<int32_t> joints(vertices * size_t{kJoints});
-            for (size_t i = 0; i < joints.size(); ++i) joints[i] = static_cast<int32_t>(i % kJoints);
+            for (size_t i = 0; i < joints.size(); ++i)
+                joints[i] = static_cast<int32_t>(i % kJoints);
             addEntries(c.graph, model, joints, [](size_t) { return true; });
             std::vector<int32_t> all(vertices);
             for (size_t v = 0; v < vertices; ++v) all[v] = static_cast<int32_t>(v);
             model.regressor = c["joint_regressor"];
             addRegressor(c.graph, model, std::vector<std::vector<int32_t>>(size_t{kJoints}, all));
             model.parents = c["parents"];
-            PosedBody posed =
-                lbs(c.graph, model, c["template"], c["theta"], c["beta"], c["trans"]);
+            PosedBody posed = lbs(c.graph, model, c["template"], c["theta"], c["beta"], c["trans"]);
             c.result("verts", posed.verts);
             c.result("joints", posed.joints);
         },
@@ -359,8 +355,8 @@ static const Op kRigidTransform{{
     .differentiable = "verts rotation pivot trans",
     .build =
         [](OpCall& c) {
-            c.result("y", rigidTransform(c.graph, c["verts"], c["rotation"], c["pivot"],
-                                         c["trans"]));
+            c.result("y",
+                     rigidTransform(c.graph, c["verts"], c["rotation"], c["pivot"], c["trans"]));
         },
 }};
 

@@ -19,14 +19,14 @@ namespace doppel {
 struct LbsModel {
     int64_t vertexCount = 0;
     uint32_t influences = 0, entryChunks = 0;
-    Tensor shapeDirections;               // [V,3,10]
-    Tensor poseDirections;                // [V,3,207], or empty
-    Tensor weights, weightJoints;         // [V,influences]
+    Tensor shapeDirections;                   // [V,3,10]
+    Tensor poseDirections;                    // [V,3,207], or empty
+    Tensor weights, weightJoints;             // [V,influences]
     Tensor entries, chunkBegin, jointChunks;  // the same by joint: see shaders/body/skin.comp
-    Tensor regressor;                     // [n]
-    Tensor jointBegin, jointVertices;     // [25], [n]
-    Tensor vertexBegin, vertexEntries;    // [V+1], [n,2] the same by vertex
-    Tensor parents;                       // [24]
+    Tensor regressor;                         // [n]
+    Tensor jointBegin, jointVertices;         // [25], [n]
+    Tensor vertexBegin, vertexEntries;        // [V+1], [n,2] the same by vertex
+    Tensor parents;                           // [24]
 };
 // Keeps what is not zero of the weights and the regressor.
 LbsModel lbsModel(Graph& graph, const BodyModel& body);

@@ -45,10 +45,10 @@ constexpr int kMaxFacesPerEdge = 64;
 // The same as constants of a graph.
 struct MeshTensors {
     int64_t vertexCount = 0, faceCount = 0, pairCount = 0;
-    Tensor faces;                      // [F,3]
+    Tensor faces;                       // [F,3]
     Tensor neighbourBegin, neighbours;  // [V+1], [2E]
-    Tensor cornerBegin, corners;       // [V+1], [3F,3]
-    Tensor pairBegin, pairFaces;       // [F+1], [2P]
+    Tensor cornerBegin, corners;        // [V+1], [3F,3]
+    Tensor pairBegin, pairFaces;        // [F+1], [2P]
 };
 MeshTensors meshTensors(Graph& graph, const MeshTopology& topology);
 

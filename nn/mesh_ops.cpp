@@ -1,5 +1,7 @@
 #include "nn/mesh_ops.h"
 
+#include <algorithm>
+
 #include "mesh/params.h"
 #include "nn/op.h"
 
@@ -14,21 +16,22 @@ void checkVerts(const Tensor& verts, const MeshTensors& mesh) {
 
 uint32_t vertexCountOf(const MeshTensors& mesh) { return static_cast<uint32_t>(mesh.vertexCount); }
 
-// scale * sum of x, always added up in the same order. Result [].
-Tensor sum(Graph& graph, Tensor x, float scale) {
+// scale * sum of the first n numbers of x, always added up in the same order. Result [].
+Tensor sum(Graph& graph, Tensor x, uint32_t n, float scale) {
     while (true) {
-        auto n = static_cast<uint32_t>(x.elements());
         uint32_t chunks = std::max((n + kSumChunk - 1) / kSumChunk, 1u);
         Tensor y = graph.temporary(chunks == 1 ? Shape{} : Shape{chunks});
         graph.dispatch("mesh/sum.chunks", {{"x", x}, {"y", y}},
                        SumParams{n, chunks == 1 ? scale : 1}, chunks);
         if (chunks == 1) return y;
         x = y;
+        n = chunks;
     }
 }
 
 MeshTensors meshOf(OpCall& c) {
     int64_t vertices = c["verts"].dim(0);
+    if (vertices < 1) throwInput("verts: expected one vertex or more, found none");
     return meshTensors(c.graph, meshTopology(c.ints("faces"), vertices, "faces"));
 }
 
@@ -77,7 +80,7 @@ Tensor laplacianLoss(Graph& graph, const Tensor& verts, const MeshTensors& mesh)
                     {"lengths", lengths},
                     {"units", units}},
                    params, vertices);
-    Tensor loss = sum(graph, lengths, params.scale);
+    Tensor loss = sum(graph, lengths, vertices, params.scale);
     graph.differentiate({verts}, {loss}, [=, &graph] {
         graph.dispatch("mesh/laplacian.backward",
                        {{"neighbourBegin", mesh.neighbourBegin},
@@ -93,9 +96,9 @@ Tensor laplacianLoss(Graph& graph, const Tensor& verts, const MeshTensors& mesh)
 Tensor normalConsistencyLoss(Graph& graph, const Tensor& verts, const MeshTensors& mesh) {
     checkVerts(verts, mesh);
     auto faces = static_cast<uint32_t>(mesh.faceCount);
-    MeshParams params{faces,
-                      mesh.pairCount > 0 ? 1.0f / static_cast<float>(mesh.pairCount) : 0.0f};
-    Tensor units = graph.temporary({faces, 4}), terms = graph.temporary({faces});
+    MeshParams params{faces, mesh.pairCount > 0 ? 1.0f / static_cast<float>(mesh.pairCount) : 0.0f};
+    uint32_t rows = std::max(faces, 1u);  // a buffer is never empty
+    Tensor units = graph.temporary({rows, 4}), terms = graph.temporary({rows});
     graph.beginOp("normal_consistency_loss");
     graph.dispatch("mesh/consistency.normals",
                    {{"verts", verts}, {"faces", mesh.faces}, {"units", units}}, params, faces);
@@ -105,9 +108,9 @@ Tensor normalConsistencyLoss(Graph& graph, const Tensor& verts, const MeshTensor
                     {"pairFaces", mesh.pairFaces},
                     {"terms", terms}},
                    params, faces);
-    Tensor loss = sum(graph, terms, params.scale);
+    Tensor loss = sum(graph, terms, faces, params.scale);
     graph.differentiate({verts}, {loss}, [=, &graph] {
-        Tensor dfaces = graph.temporary({faces, 3});
+        Tensor dfaces = graph.temporary({rows, 3});
         graph.dispatch("mesh/consistency.backward",
                        {{"units", units},
                         {"pairBegin", mesh.pairBegin},
@@ -173,9 +176,7 @@ static const Op kNormalConsistencyLoss{{
     .outputs = "loss",
     .differentiable = "verts",
     .build =
-        [](OpCall& c) {
-            c.result("loss", normalConsistencyLoss(c.graph, c["verts"], meshOf(c)));
-        },
+        [](OpCall& c) { c.result("loss", normalConsistencyLoss(c.graph, c["verts"], meshOf(c))); },
 }};
 
 static const Op kOffsetClamp{{
@@ -184,9 +185,7 @@ static const Op kOffsetClamp{{
     .outputs = "y",
     .differentiable = "verts offset",
     .build =
-        [](OpCall& c) {
-            c.result("y", offsetClamp(c.graph, c["verts"], c["offset"], c["limit"]));
-        },
+        [](OpCall& c) { c.result("y", offsetClamp(c.graph, c["verts"], c["offset"], c["limit"])); },
 }};
 
 }  // namespace doppel

@@ -16,7 +16,7 @@ namespace {
 const std::string kDefaultBody = DOPPEL_SOURCE_DIR "/assets/body/default.npz";
 
 const std::vector<int64_t> kTree = {
-    0xffffffff, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21,
+    0xffffffff, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7,  8,  9,  9,  9,  12, 13, 14, 16, 17, 18, 19, 20, 21,
     0,          1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23};
 
 // A box with the joints spread over its corners: the smallest file that is a body.
@@ -116,8 +116,8 @@ TEST(Body, RefusesWhatIsWrong) {
     refuse("sole_mask", Array::i32({8}, std::vector<int32_t>(8, 2)), "sole_mask: element 0 is 2");
     refuse("vt", zeros({9, 2}), "box.npz: ft is missing");
     refuse("ft", Array::i32({12, 3}, std::vector<int32_t>(36)), "box.npz: vt is missing");
-    for (const char* name : {"v_template", "f", "shapedirs", "weights", "J_regressor",
-                             "kintree_table"}) {
+    for (const char* name :
+         {"v_template", "f", "shapedirs", "weights", "J_regressor", "kintree_table"}) {
         Npz arrays;
         arrays.file = "box.npz";
         for (const auto& [key, array] : good)
@@ -161,9 +161,9 @@ TEST(Body, ClampBoundsAreTheTable) {
         ASSERT_EQ(program[v] == 0, frozen) << v;
         if (frozen) continue;
         const std::map<int, std::pair<float, float>> table = {
-            {kTorso, {0.06f, 0.06f}},       {kHead, {0.04f, 0.04f}},
+            {kTorso, {0.06f, 0.06f}},        {kHead, {0.04f, 0.04f}},
             {kLeftUpperArm, {0.02f, 0.04f}}, {kRightForearm, {0.04f, 0.02f}},
-            {kRightThigh, {0.04f, 0.04f}},  {kLeftCalf, {0.03f, 0.03f}},
+            {kRightThigh, {0.04f, 0.04f}},   {kLeftCalf, {0.03f, 0.03f}},
             {kRightFoot, {0.02f, 0.02f}},
         };
         auto row = table.find(part);
@@ -253,8 +253,9 @@ TEST(Body, CompactFormMatchesTheOp) {
         runs.emplace_back();
         for (auto& [name, tensor] : outputs) {
             std::vector<float> values = graph.read<float>(tensor);
-            EXPECT_LE(relativeError({values.begin(), values.end()}, expected.at(name).toF64(), 1e-6),
-                      2e-5)
+            EXPECT_LE(
+                relativeError({values.begin(), values.end()}, expected.at(name).toF64(), 1e-6),
+                2e-5)
                 << name;
             runs.back().insert(runs.back().end(), values.begin(), values.end());
         }
@@ -268,8 +269,7 @@ void drawTexels(const BodyModel& body, size_t f, int size, const std::function<v
     std::array<std::array<double, 2>, 3> p;
     for (size_t i = 0; i < 3; ++i)
         for (size_t c = 0; c < 2; ++c)
-            p[i][c] = size * static_cast<double>(
-                                 body.uvs[2 * size_t(body.uvFaces[3 * f + i]) + c]);
+            p[i][c] = size * static_cast<double>(body.uvs[2 * size_t(body.uvFaces[3 * f + i]) + c]);
     auto edge = [](const auto& a, const auto& b, double x, double y) {
         return (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]);
     };

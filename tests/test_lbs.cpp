@@ -13,8 +13,8 @@ Matrix rotationOf(const double* w) {
     double t2 = w[0] * w[0] + w[1] * w[1] + w[2] * w[2], t = std::sqrt(t2);
     double a = t > 1e-6 ? std::sin(t) / t : 1 - t2 / 6;
     double b = t > 1e-4 ? (1 - std::cos(t)) / t2 : 0.5 - t2 / 24;
-    Matrix r{std::cos(t), -a * w[2], a * w[1], a * w[2], std::cos(t), -a * w[0],
-             -a * w[1],   a * w[0],  std::cos(t)};
+    Matrix r{std::cos(t), -a * w[2], a * w[1], a * w[2],   std::cos(t),
+             -a * w[0],   -a * w[1], a * w[0], std::cos(t)};
     for (size_t i = 0; i < 3; ++i)
         for (size_t k = 0; k < 3; ++k) r[3 * i + k] += b * w[i] * w[k];
     return r;
@@ -105,8 +105,8 @@ Value weightRows(int64_t rows, int64_t columns, uint32_t seed) {
     return value;
 }
 
-const std::vector<int> kSmplParents = {-1, 0,  0,  0,  1,  2,  3,  4,  5,  6,  7,  8,
-                                       9,  9,  9,  12, 13, 14, 16, 17, 18, 19, 20, 21};
+const std::vector<int> kSmplParents = {-1, 0, 0, 0,  1,  2,  3,  4,  5,  6,  7,  8,
+                                       9,  9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21};
 
 OpCase lbsCase(int64_t vertices, double angle) {
     return {.inputs = {{"template", random({vertices, 3}, 1)},
@@ -127,7 +127,8 @@ TEST(Lbs, MatchesTheFormulas) {
 }
 
 TEST(Lbs, SmallAndLargeAngles) {
-    // Zero is where the formulas' quotients are 0/0; pi and beyond is where global orientations are.
+    // Zero is where the formulas' quotients are 0/0; pi and beyond is where global orientations
+    // are.
     for (double angle : {0.0, 1e-4, 0.3, 3.0, 7.0}) checkOp("lbs", lbsCase(13, angle));
 }
 
@@ -185,8 +186,8 @@ TEST(RigidTransform, MatchesTheFormula) {
                                  relative[c] = y.data[v + c] - in.at("pivot").data[c];
                              auto turned = multiply(r, relative);
                              for (size_t c = 0; c < 3; ++c)
-                                 y.data[v + c] = turned[c] + in.at("pivot").data[c] +
-                                                 in.at("trans").data[c];
+                                 y.data[v + c] =
+                                     turned[c] + in.at("pivot").data[c] + in.at("trans").data[c];
                          }
                          return {{"y", y}};
                      },

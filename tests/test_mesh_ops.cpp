@@ -1,0 +1,254 @@
+// Topology of a mesh, and the ops that gather along it.
+#include "nn/mesh_ops.h"
+
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "tests/op_test.h"
+
+namespace doppel {
+namespace {
+
+using Vector = std::array<double, 3>;
+
+Vector at(const Value& verts, int v) {
+    const double* p = &verts.data[3 * size_t(v)];
+    return {p[0], p[1], p[2]};
+}
+Vector minus(const Vector& a, const Vector& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
+Vector cross(const Vector& a, const Vector& b) {
+    return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+}
+double dot(const Vector& a, const Vector& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+// A grid of (n+1) x (n+1) vertices in a disturbed plane, two triangles a cell, every third one
+// wound the other way; a last vertex belongs to no face.
+struct TestMesh {
+    Value verts;
+    std::vector<int> faces;
+
+    Value faceArray() const { return indices({int64_t(faces.size() / 3), 3}, faces); }
+};
+TestMesh grid(int n) {
+    int side = n + 1;
+    TestMesh mesh;
+    mesh.verts = uniform({side * side + 1, 3}, -0.3, 0.3, 5);
+    for (int v = 0; v < side * side; ++v) {
+        mesh.verts.data[3 * size_t(v)] += v % side;
+        mesh.verts.data[3 * size_t(v) + 1] += v / side;
+    }
+    for (int y = 0; y < n; ++y)
+        for (int x = 0; x < n; ++x) {
+            int a = y * side + x, b = a + 1, c = a + side, d = c + 1;
+            for (std::array<int, 3> f : {std::array{a, b, c}, std::array{b, d, c}}) {
+                if (mesh.faces.size() % 9 == 6) std::swap(f[1], f[2]);
+                mesh.faces.insert(mesh.faces.end(), f.begin(), f.end());
+            }
+        }
+    return mesh;
+}
+
+std::map<std::pair<int, int>, std::vector<std::pair<int, int>>> facesAtEdges(const Value& faces) {
+    std::map<std::pair<int, int>, std::vector<std::pair<int, int>>> result;  // face, third corner
+    for (size_t i = 0; i < faces.data.size(); ++i) {
+        size_t f = i / 3 * 3;
+        int a = int(faces.data[i]), b = int(faces.data[f + (i + 1) % 3]);
+        int c = int(faces.data[f + (i + 2) % 3]);
+        if (a != b) result[std::minmax(a, b)].push_back({int(f / 3), c});
+    }
+    return result;
+}
+
+Values normalsReference(const Values& in) {
+    Value normals{in.at("verts").shape, std::vector<double>(in.at("verts").data.size())};
+    const auto& faces = in.at("faces").data;
+    for (size_t f = 0; f < faces.size(); f += 3) {
+        Vector a = at(in.at("verts"), int(faces[f]));
+        Vector n = cross(minus(at(in.at("verts"), int(faces[f + 1])), a),
+                         minus(at(in.at("verts"), int(faces[f + 2])), a));
+        for (size_t i = 0; i < 3; ++i)
+            for (size_t c = 0; c < 3; ++c) normals.data[3 * size_t(faces[f + i]) + c] += n[c];
+    }
+    for (size_t v = 0; v < normals.data.size(); v += 3) {
+        double* n = &normals.data[v];
+        double length = std::max(std::hypot(n[0], n[1], n[2]), 1e-6);
+        for (size_t c = 0; c < 3; ++c) n[c] /= length;
+    }
+    return {{"normals", normals}};
+}
+
+Values laplacianReference(const Values& in) {
+    const Value& verts = in.at("verts");
+    std::vector<std::set<int>> neighbours(verts.data.size() / 3);
+    for (const auto& [edge, faces] : facesAtEdges(in.at("faces"))) {
+        neighbours[size_t(edge.first)].insert(edge.second);
+        neighbours[size_t(edge.second)].insert(edge.first);
+    }
+    double sum = 0;
+    for (size_t v = 0; v < neighbours.size(); ++v) {
+        Vector mean{};
+        for (int n : neighbours[v])
+            for (size_t c = 0; c < 3; ++c)
+                mean[c] += at(verts, n)[c] / double(neighbours[v].size());
+        Vector d = minus(mean, at(verts, int(v)));
+        if (!neighbours[v].empty()) sum += std::sqrt(dot(d, d));
+    }
+    return {{"loss", {{}, {sum / double(neighbours.size())}}}};
+}
+
+// The definition by edges: n0 = (v1 - v0) x (a - v0), n1 = -(v1 - v0) x (b - v0).
+Values consistencyReference(const Values& in) {
+    const Value& verts = in.at("verts");
+    double sum = 0, pairs = 0;
+    for (const auto& [edge, faces] : facesAtEdges(in.at("faces")))
+        for (size_t i = 0; i < faces.size(); ++i)
+            for (size_t k = i + 1; k < faces.size(); ++k) {
+                Vector v0 = at(verts, edge.first), along = minus(at(verts, edge.second), v0);
+                Vector n0 = cross(along, minus(at(verts, faces[i].second), v0));
+                Vector n1 = cross(minus(at(verts, faces[k].second), v0), along);
+                double lengths = std::sqrt(dot(n0, n0) * dot(n1, n1));
+                sum += 1 - (lengths > 0 ? dot(n0, n1) / lengths : 0);
+                ++pairs;
+            }
+    return {{"loss", {{}, {pairs > 0 ? sum / pairs : 0}}}};
+}
+
+void checkMeshOp(const std::string& op, const std::function<Values(const Values&)>& reference,
+                 const std::vector<TestMesh>& meshes) {
+    for (const TestMesh& mesh : meshes)
+        checkOp(op, {.inputs = {{"verts", mesh.verts}},
+                     .integers = {{"faces", mesh.faceArray()}},
+                     .reference = reference});
+}
+
+// One face, closed, open, with an isolated vertex, with three faces at one edge.
+std::vector<TestMesh> meshes() {
+    return {{random({3, 3}), {0, 1, 2}},
+            {random({4, 3}), {0, 1, 2, 0, 2, 3, 0, 3, 1, 1, 3, 2}},
+            {random({5, 3}), {0, 1, 2, 1, 0, 3, 0, 1, 4}},
+            grid(2),
+            grid(13),
+            grid(40)};
+}
+
+TEST(MeshOps, VertexNormals) { checkMeshOp("vertex_normals", normalsReference, meshes()); }
+TEST(MeshOps, LaplacianLoss) { checkMeshOp("laplacian_loss", laplacianReference, meshes()); }
+TEST(MeshOps, NormalConsistencyLoss) {
+    checkMeshOp("normal_consistency_loss", consistencyReference, meshes());
+}
+
+TEST(MeshOps, WithoutFaces) {
+    TestMesh bare{random({13, 3}), {}};
+    checkMeshOp("vertex_normals", normalsReference, {bare});
+    checkMeshOp("laplacian_loss", laplacianReference, {bare});
+    checkMeshOp("normal_consistency_loss", consistencyReference, {bare});
+}
+
+Npz runOn(const char* op, const Value& verts, const std::vector<int>& faces,
+          const std::string& output, const Value& upstream) {
+    Npz arrays;
+    arrays.set("verts", Array::f64(verts.shape, verts.data));
+    arrays.set("faces", Array::i32({int64_t(faces.size() / 3), 3},
+                                   std::vector<int32_t>(faces.begin(), faces.end())));
+    arrays.set("grad_" + output, Array::f64(upstream.shape, upstream.data));
+    return Op::find(op)->run(testDevice(), arrays, {.reuseMemory = false, .poison = true});
+}
+
+// Faces without area: a point, a line, a corner named twice, a face folded onto its neighbour.
+TEST(MeshOps, DegenerateFaces) {
+    Value verts{{7, 3}, {0, 0, 0, 0, 0, 0, 0, 0, 0,  // three vertices at one place
+                         1, 0, 0, 2, 0, 0,           // in line with them
+                         0, 1, 0, 0, 0, 1}};
+    std::vector<int> faces = {0, 1, 2, 0, 3, 4, 3, 3, 5, 0, 3, 5, 0, 5, 3, 0, 3, 6};
+    Npz out = runOn("vertex_normals", verts, faces, "normals", random({7, 3}));
+    std::vector<double> normals = out.at("normals").toF64();
+    for (size_t c = 0; c < 3; ++c) {
+        EXPECT_EQ(normals[3 + c], 0) << "no area around vertex 1";
+        EXPECT_EQ(normals[12 + c], 0) << "no area around vertex 4";
+    }
+    for (double g : out.at("grad_verts").toF64()) EXPECT_TRUE(std::isfinite(g));
+    for (const char* op : {"laplacian_loss", "normal_consistency_loss"}) {
+        out = runOn(op, verts, faces, "loss", {{}, {1}});
+        EXPECT_TRUE(std::isfinite(out.at("loss").scalar())) << op;
+        for (double g : out.at("grad_verts").toF64()) EXPECT_TRUE(std::isfinite(g)) << op;
+    }
+    // A flat mesh is consistent, one folded by half a turn is not, one of no area is neither.
+    Value square{{4, 3}, {0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0}};
+    out = runOn("normal_consistency_loss", square, {0, 1, 2, 3, 2, 1}, "loss", {{}, {1}});
+    EXPECT_NEAR(out.at("loss").scalar(), 0, 1e-6);
+    Value folded{{4, 3}, {0, 0, 0, 1, 0, 0, 0, 1, 0, 0.2, 0.2, 0}};
+    out = runOn("normal_consistency_loss", folded, {0, 1, 2, 1, 2, 3}, "loss", {{}, {1}});
+    EXPECT_NEAR(out.at("loss").scalar(), 2, 1e-6);
+    out = runOn("normal_consistency_loss", {{4, 3}, std::vector<double>(12)}, {0, 1, 2, 1, 2, 3},
+                "loss", {{}, {1}});
+    EXPECT_NEAR(out.at("loss").scalar(), 1, 1e-6);
+}
+
+TEST(MeshOps, LossesOfSmallMeshesKeepTheirDigits) {
+    // A body's smallest faces have edges of half a millimetre, a metre from the origin.
+    TestMesh mesh = grid(13);
+    for (double& x : mesh.verts.data) x = x * 5e-4 + 1;
+    for (bool laplacian : {true, false})
+        checkOp(laplacian ? "laplacian_loss" : "normal_consistency_loss",
+                {.inputs = {{"verts", mesh.verts}},
+                 .integers = {{"faces", mesh.faceArray()}},
+                 .reference = laplacian ? laplacianReference : consistencyReference,
+                 .differenceStep = 1e-8});
+}
+
+TEST(MeshOps, OffsetClamp) {
+    for (int64_t n : {1, 13, 127}) {
+        Value limit = uniform({n}, 0, 1.5, 3);
+        for (size_t v = 0; v < limit.data.size(); v += 3) limit.data[v] = 0;
+        checkOp("offset_clamp", {.inputs = {{"verts", random({n, 3}, 1)},
+                                            {"offset", uniform({n, 3}, -1, 1, 2)},
+                                            {"limit", limit}},
+                                 .reference = [](const Values& in) -> Values {
+                                     Value y = in.at("verts");
+                                     for (size_t i = 0; i < y.data.size(); ++i) {
+                                         double bound = in.at("limit").data[i / 3];
+                                         y.data[i] +=
+                                             std::clamp(in.at("offset").data[i], -bound, bound);
+                                     }
+                                     return {{"y", y}};
+                                 }});
+    }
+    // What sits exactly on its bound is held, a bound of zero holds a zero.
+    Npz arrays;
+    arrays.set("verts", Array::f64({2, 3}, std::vector<double>(6)));
+    arrays.set("offset", Array::f64({2, 3}, std::vector<double>{0.25, -0.25, 0.2, 0, 0, 0}));
+    arrays.set("limit", Array::f64({2}, std::vector<double>{0.25, 0}));
+    arrays.set("grad_y", Array::f64({2, 3}, std::vector<double>(6, 1)));
+    Npz out = Op::find("offset_clamp")->run(testDevice(), arrays, {});
+    EXPECT_EQ(out.at("grad_offset").toF64(), (std::vector<double>{0, 0, 1, 0, 0, 0}));
+}
+
+TEST(Mesh, Topology) {
+    std::vector<int32_t> faces = {0, 1, 2, 2, 1, 3};
+    MeshTopology mesh = meshTopology(faces, 5, "test");
+    EXPECT_EQ(mesh.edges, (std::vector<int32_t>{0, 1, 0, 2, 1, 2, 1, 3, 2, 3}));
+    EXPECT_EQ(mesh.adjacency.begin, (std::vector<int32_t>{0, 2, 5, 8, 10, 10}));
+    EXPECT_EQ(mesh.adjacency.neighbours, (std::vector<int32_t>{1, 2, 0, 2, 3, 0, 1, 3, 1, 2}));
+    EXPECT_EQ(mesh.cornerBegin, (std::vector<int32_t>{0, 1, 3, 5, 6, 6}));
+    EXPECT_EQ(mesh.corners,
+              (std::vector<int32_t>{0, 1, 2, 0, 2, 0, 1, 3, 2, 0, 0, 1, 1, 1, 3, 1, 2, 1}));
+    EXPECT_EQ(mesh.pairCount, 1);
+    EXPECT_EQ(mesh.pairFaces, (std::vector<int32_t>{2, 0})) << "wound alike";
+    faces = {0, 1, 2, 1, 2, 3};
+    EXPECT_EQ(meshTopology(faces, 4, "test").pairFaces, (std::vector<int32_t>{3, 1}));
+}
+
+TEST(Mesh, RefusesWhatIsNoMesh) {
+    auto run = [](const std::vector<int>& faces) {
+        runOn("laplacian_loss", random({5, 3}), faces, "loss", {{}, {1}});
+    };
+    expectInputError([&] { run({0, 1, 5}); }, "faces: row 0 names vertex 5; expected 0 to 4");
+    expectInputError([&] { run({0, 1, 2, 3, -1, 2}); }, "faces: row 1 names vertex -1");
+    std::vector<int> fan;
+    for (int f = 0; f < 65; ++f) fan.insert(fan.end(), {0, 1, 2 + f % 3});
+    expectInputError([&] { run(fan); }, "the edge 0-1 belongs to 65 faces; expected at most 64");
+}
+
+}  // namespace
+}  // namespace doppel
