@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "body/params.h"
+#include "nn/linalg.h"
 #include "nn/mesh.h"
 #include "nn/op.h"
 
@@ -17,19 +18,10 @@ uint32_t chunksOf(int64_t rows) {
     return static_cast<uint32_t>((rows + kBodyChunk - 1) / kBodyChunk);
 }
 
-// Sums over rows of [rows,columns], in two stages where there are many.
-Tensor sumRows(Graph& graph, const Tensor& x, uint32_t rows, uint32_t columns) {
-    Tensor partial = x;
-    if (rows > 2 * kBodyChunk) {
-        uint32_t chunks = chunksOf(rows);
-        partial = graph.temporary({chunks, columns});
-        graph.dispatch("body/columns.chunks", {{"x", x}, {"y", partial}},
-                       ColumnsParams{rows, columns}, uint64_t{chunks} * columns);
-        rows = chunks;
-    }
+// Sums over the rows of [rows,columns].
+Tensor sumRows(Graph& graph, const Tensor& x, int64_t rows, int64_t columns) {
     Tensor y = graph.temporary({columns});
-    graph.dispatch("body/columns.sum", {{"x", partial}, {"y", y}}, ColumnsParams{rows, columns},
-                   columns);
+    sumAxis(graph, x, 1, rows, columns, y);
     return y;
 }
 
@@ -265,9 +257,7 @@ PosedBody lbs(Graph& graph, const LbsModel& model, const Tensor& templateVerts, 
                         {"dshaped", dshaped},
                         {"partial", partial}},
                        chunkParams, chunkParams.chunks);
-        graph.dispatch("body/columns.sum", {{"x", partial}, {"y", graph.gradientTarget(beta)}},
-                       ColumnsParams{chunkParams.chunks, static_cast<uint32_t>(kShapes)},
-                       uint64_t{kShapes});
+        sumAxis(graph, partial, 1, chunkParams.chunks, kShapes, graph.gradientTarget(beta));
     });
     return {verts, joints};
 }

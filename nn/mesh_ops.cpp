@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "mesh/params.h"
+#include "nn/linalg.h"
 #include "nn/op.h"
 
 namespace doppel {
@@ -16,17 +17,11 @@ void checkVerts(const Tensor& verts, const MeshTensors& mesh) {
 
 uint32_t vertexCountOf(const MeshTensors& mesh) { return static_cast<uint32_t>(mesh.vertexCount); }
 
-// scale * sum of the first n numbers of x, always added up in the same order. Result [].
-Tensor sum(Graph& graph, Tensor x, uint32_t n, float scale) {
-    while (true) {
-        uint32_t chunks = std::max((n + kSumChunk - 1) / kSumChunk, 1u);
-        Tensor y = graph.temporary(chunks == 1 ? Shape{} : Shape{chunks});
-        graph.dispatch("mesh/sum.chunks", {{"x", x}, {"y", y}},
-                       SumParams{n, chunks == 1 ? scale : 1}, chunks);
-        if (chunks == 1) return y;
-        x = y;
-        n = chunks;
-    }
+// Sum of the first n numbers of x, always added up in the same order. Result [].
+Tensor sum(Graph& graph, const Tensor& x, uint32_t n) {
+    Tensor y = graph.temporary({});
+    sumAxis(graph, x, 1, n, 1, y);
+    return y;
 }
 
 MeshTensors meshOf(OpCall& c) {
@@ -80,7 +75,7 @@ Tensor laplacianLoss(Graph& graph, const Tensor& verts, const MeshTensors& mesh)
                     {"lengths", lengths},
                     {"units", units}},
                    params, vertices);
-    Tensor loss = sum(graph, lengths, vertices, params.scale);
+    Tensor loss = sum(graph, lengths, vertices);
     graph.differentiate({verts}, {loss}, [=, &graph] {
         graph.dispatch("mesh/laplacian.backward",
                        {{"neighbourBegin", mesh.neighbourBegin},
@@ -108,7 +103,7 @@ Tensor normalConsistencyLoss(Graph& graph, const Tensor& verts, const MeshTensor
                     {"pairFaces", mesh.pairFaces},
                     {"terms", terms}},
                    params, faces);
-    Tensor loss = sum(graph, terms, faces, params.scale);
+    Tensor loss = sum(graph, terms, faces);
     graph.differentiate({verts}, {loss}, [=, &graph] {
         Tensor dfaces = graph.temporary({rows, 3});
         graph.dispatch("mesh/consistency.backward",

@@ -7,9 +7,6 @@ struct BodyParams {
     uint influences;  // joints per vertex
     uint chunks;      // partial sums of this reduction
 };
-struct ColumnsParams {
-    uint rows, columns;
-};
 SHARED_END
 #ifdef __cplusplus
 namespace doppel {

@@ -8,7 +8,7 @@ BUFFER(1, readonly, ivec3, faces);     // [F,3]
 BUFFER(2, readwrite, vec4, units);     // [F,4] unit normal; 1 / length of the cross product, or 0
 BUFFER(3, readonly, int, pairBegin);   // [F+1]
 BUFFER(4, readonly, int, pairFaces);   // [2P] 2 * other face + (1 where wound the other way)
-BUFFER(5, writeonly, float, terms);    // [F] the face's half of the terms of its pairs
+BUFFER(5, writeonly, float, terms);    // [F] scale * the face's half of its pairs' terms
 BUFFER(6, readonly, float, dloss);     // [1]
 BUFFER(7, writeonly, vec3, dfaces);    // [F,3] gradient of the cross product
 
@@ -35,7 +35,7 @@ ENTRY(forward) {
         float cosine = dot(n, units.d[pair >> 1].xyz);
         sum += 1 - ((pair & 1) == 0 ? cosine : -cosine);
     }
-    terms.d[f] = 0.5 * sum;
+    terms.d[f] = 0.5 * params.scale * sum;
 }
 
 ENTRY(backward) {

@@ -6,8 +6,8 @@ PARAMS(MeshParams, 7)
 BUFFER(0, readonly, vec3, verts);         // [V,3]
 BUFFER(1, readonly, int, neighbourBegin); // [V+1]
 BUFFER(2, readonly, int, neighbours);     // [2E]
-BUFFER(3, writeonly, float, lengths);     // [V] of (mean of the neighbours) - vertex
-BUFFER(4, readwrite, vec3, units);        // [V,3] its direction, over the number of neighbours
+BUFFER(3, writeonly, float, lengths);     // [V] scale * |(mean of the neighbours) - vertex|
+BUFFER(4, readwrite, vec3, units);        // [V,3] the direction, over the number of neighbours
 BUFFER(5, readonly, float, dloss);        // [1]
 BUFFER(6, writeonly, vec3, dverts);       // [V,3]
 
@@ -19,7 +19,7 @@ ENTRY(forward) {
     for (int i = begin; i < end; ++i) sum += verts.d[neighbours.d[i]] - p;
     float total = length(sum);  // of degree times the difference
     float degree = max(float(end - begin), 1);
-    lengths.d[v] = total / degree;
+    lengths.d[v] = params.scale * total / degree;
     units.d[v] = total > 0 ? sum / (total * degree) : vec3(0);
 }
 
