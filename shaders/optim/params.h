@@ -1,0 +1,17 @@
+#ifndef OPTIM_PARAMS_H
+#define OPTIM_PARAMS_H
+#include "common/shared.h"
+SHARED_BEGIN
+struct AdamWParams {
+    uint n;     // elements that are updated
+    uint rows;  // of the table, where one row is updated
+    float beta1, beta2, epsilon, weightDecay;
+    float rateScale;  // times the step's learning rate
+};
+struct ClipParams {
+    uint n;
+    uint partLength;  // one invocation sums the squares of so many
+    float maxNorm;
+};
+SHARED_END
+#endif
