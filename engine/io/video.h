@@ -1,0 +1,67 @@
+// Videos: H.264 in MP4 out, what FFmpeg decodes in.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+
+#include "engine/io/image.h"
+
+namespace doppel {
+
+// Writes pictures as a video that players and browsers show with the right colours: H.264 (MPEG-4
+// where this FFmpeg has no x264), yuv420p, BT.709 in limited range and tagged so, its index at
+// the front. The same pictures give the same bytes: one thread, no times.
+//
+//     VideoWriter video("turntable.mp4", 256, 256, 30);
+//     for (const Image& frame : frames) video.add(frame);
+//     video.finish();
+//
+// Without finish() nothing is left (engine/atomic_file.h). Errors: InputError for a name that does
+// not end with .mp4 or a rate that is none; MachineError where encoding or writing fails.
+class VideoWriter {
+public:
+    // framesPerSecond in (0, 1000]. An odd side gets one more column or row, a copy of the last,
+    // since yuv420p has colours for pairs of pixels only.
+    VideoWriter(const std::filesystem::path& path, int width, int height, double framesPerSecond);
+    ~VideoWriter();
+    VideoWriter(const VideoWriter&) = delete;
+    VideoWriter& operator=(const VideoWriter&) = delete;
+
+    // width × height; 1, 3 or 4 channels (alpha is dropped).
+    void add(const Image& frame);
+
+    // At least one frame was added.
+    void finish();
+
+private:
+    struct Parts;
+    std::unique_ptr<Parts> parts_;
+};
+
+// Reads the first video stream of MP4, MOV, MKV, WebM, AVI, MPEG and GIF files, turned upright.
+// InputError names the file: missing, no video, damaged, cut short, sides over kMaxImageSide.
+class VideoReader {
+public:
+    explicit VideoReader(const std::filesystem::path& path);
+    ~VideoReader();
+    VideoReader(const VideoReader&) = delete;
+    VideoReader& operator=(const VideoReader&) = delete;
+
+    int width() const;  // of the upright picture
+    int height() const;
+    double framesPerSecond() const;  // the mean rate; 0 where the file does not say
+    int64_t frameCount() const;      // as the file says; −1 where it does not
+    int rotation() const;  // by how many degrees clockwise frames are turned: 0, 90, 180 or 270
+
+    // The next frame, 3 channels, in `frame`; false at the end.
+    bool next(Image& frame);
+    // When the frame that next() gave is shown, in seconds from the start of the file.
+    double time() const;
+
+private:
+    struct Parts;
+    std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace doppel
