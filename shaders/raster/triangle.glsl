@@ -1,9 +1,6 @@
 // A projected triangle and the pixels around it. Positions are in pixels relative to the picture's
 // centre: near zero floats are finest, and a pixel's centre is exact.
 
-// A face with a vertex nearer than this (m) is left out.
-const float kNear = 1e-3;
-
 struct Triangle {
     vec2 a, b, c;
     vec3 inverseDepth;  // 1/m, of a, b, c

@@ -1,0 +1,28 @@
+#ifndef LOSS_PARAMS_H
+#define LOSS_PARAMS_H
+#include "common/camera.h"
+#include "common/shared.h"
+SHARED_BEGIN
+struct SilhouetteIouLossParams {
+    uint n;         // pixels
+    uint partials;  // first sums, each over every partials-th pixel
+};
+struct MaskedL1LossParams {
+    uint n;  // pixels
+    uint channels;
+    uint partials;
+};
+struct SsimParams {
+    uint width, height, channels;  // stored [H,W,C]
+    uint partials;
+};
+struct KeypointLossParams {
+    uint joints;
+    float scale;  // pixels
+};
+struct Dilate3Params {
+    uint n;  // elements of all pictures
+    uint width, height;
+};
+SHARED_END
+#endif

@@ -1,0 +1,16 @@
+// Sums in a fixed order: strided partial sums without barriers (which cost much on CPU devices),
+// then one workgroup adds those up as a tree.
+
+shared vec2 lanes[gl_WorkGroupSize.x];
+
+// The sum over the workgroup, in its first lane.
+vec2 workgroupSum(vec2 mine) {
+    uint lane = gl_LocalInvocationID.x;
+    lanes[lane] = mine;
+    barrier();
+    for (uint half_ = gl_WorkGroupSize.x / 2; half_ > 0; half_ /= 2) {
+        if (lane < half_) lanes[lane] += lanes[lane + half_];
+        barrier();
+    }
+    return lanes[0];
+}

@@ -1,0 +1,257 @@
+#include "nn/loss.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "tests/op_test.h"
+
+namespace doppel {
+namespace {
+
+Value scalar(double value) { return {{}, {value}}; }
+
+Npz arraysOf(const Values& inputs, const std::map<std::string, double>& attributes = {}) {
+    Npz arrays;
+    for (const auto& [name, value] : inputs) {
+        std::vector<float> values(value.data.begin(), value.data.end());
+        arrays.set(name, Array::f32(value.shape, values));
+    }
+    for (const auto& [name, value] : attributes)
+        arrays.set("attr_" + name, Array::scalarF64(value));
+    return arrays;
+}
+
+Npz runOp(const std::string& op, const Npz& arrays) {
+    return Op::find(op)->run(testDevice(), arrays, {.reuseMemory = false, .poison = true});
+}
+
+Value binary(Shape shape, uint32_t seed) {
+    Value value = uniform(std::move(shape), 0, 1, seed);
+    for (double& x : value.data) x = x > 0.5;
+    return value;
+}
+
+const Shape kSizes[] = {{1, 1}, {13, 1}, {37, 53}, {1, 127}, {64, 65}};
+
+// ---- silhouettes --------------------------------------------------------------------------------
+
+Values iouReference(const Values& v) {
+    double intersection = 0, together = 0;
+    for (size_t i = 0; i < v.at("predicted").data.size(); ++i) {
+        double p = v.at("predicted").data[i], g = v.at("target").data[i];
+        intersection += p * g;
+        together += p + g - p * g;
+    }
+    return {{"loss", scalar(together == 0 ? 0 : 1 - intersection / together)}};
+}
+
+TEST(SilhouetteIouLoss, AgainstPlainLoop) {
+    for (const Shape& size : kSizes)
+        for (Value target : {binary(size, 2), uniform(size, 0, 1, 2)})
+            checkOp("silhouette_iou_loss",
+                    {.inputs = {{"predicted", uniform(size, 0, 1)}, {"target", target}},
+                     .reference = iouReference});
+}
+
+TEST(SilhouetteIouLoss, EmptyPictures) {
+    Value none{{5, 7}, std::vector<double>(35)}, some = uniform({5, 7}, 0, 1);
+    auto run = [](const Value& predicted, const Value& target) {
+        Npz arrays = arraysOf({{"predicted", predicted}, {"target", target}});
+        arrays.set("grad_loss", Array::scalarF32(1));
+        return runOp("silhouette_iou_loss", arrays);
+    };
+    Npz both = run(none, none), wrong = run(some, none), missing = run(none, some);
+    EXPECT_EQ(both.at("loss").scalar(), 0);
+    EXPECT_EQ(wrong.at("loss").scalar(), 1);
+    EXPECT_EQ(missing.at("loss").scalar(), 1);
+    EXPECT_EQ(both.at("grad_predicted").toF32(), std::vector<float>(35));
+    EXPECT_EQ(wrong.at("grad_predicted").toF32(), std::vector<float>(35));
+    for (float g : missing.at("grad_predicted").toF32()) EXPECT_LT(g, 0);
+}
+
+// ---- colours ------------------------------------------------------------------------------------
+
+Values maskedL1Reference(const Values& v) {
+    double sum = 0, count = 0;
+    for (size_t i = 0; i < v.at("mask").data.size(); ++i) {
+        count += v.at("mask").data[i];
+        for (size_t c = 3 * i; c < 3 * i + 3; ++c)
+            sum +=
+                std::abs(v.at("predicted").data[c] - v.at("target").data[c]) * v.at("mask").data[i];
+    }
+    return {{"loss", scalar(count == 0 ? 0 : sum / count)}};
+}
+
+TEST(MaskedL1Loss, AgainstPlainLoop) {
+    for (const Shape& size : kSizes)
+        for (Value mask : {binary(size, 3), uniform(size, 0.1, 1, 3)}) {
+            Shape colours{size[0], size[1], 3};
+            checkOp("masked_l1_loss", {.inputs = {{"predicted", uniform(colours, 0, 1, 1)},
+                                                  {"target", uniform(colours, 0, 1, 2)},
+                                                  {"mask", mask}},
+                                       .reference = maskedL1Reference});
+        }
+}
+
+TEST(MaskedL1Loss, EmptyMaskAndEqualPictures) {
+    Value picture = uniform({4, 9, 3}, 0, 1), other = uniform({4, 9, 3}, 0, 1, 2);
+    Value none{{4, 9}, std::vector<double>(36)}, all{{4, 9}, std::vector<double>(36, 1.0)};
+    // What the mask leaves out may be anything.
+    Value broken = picture;
+    broken.data[5] = NAN;
+    for (auto& [predicted, target, mask] :
+         {std::tuple{picture, other, none}, {broken, other, none}, {picture, picture, all}}) {
+        Npz arrays = arraysOf({{"predicted", predicted}, {"target", target}, {"mask", mask}});
+        arrays.set("grad_loss", Array::scalarF32(1));
+        Npz out = runOp("masked_l1_loss", arrays);
+        EXPECT_EQ(out.at("loss").scalar(), 0);
+        EXPECT_EQ(out.at("grad_predicted").toF32(), std::vector<float>(108));
+    }
+}
+
+// ---- structural similarity ----------------------------------------------------------------------
+
+Values ssimReference(const Values& v) {
+    const Value &a = v.at("a"), &b = v.at("b");
+    int64_t height = a.shape[0], width = a.shape[1], channels = a.shape[2];
+    double window[11], sum = 0, total = 0;
+    for (int k = 0; k < 11; ++k) sum += window[k] = std::exp(-(k - 5) * (k - 5) / 4.5);
+    for (int64_t y = 0; y < height; ++y)
+        for (int64_t x = 0; x < width; ++x)
+            for (int64_t c = 0; c < channels; ++c) {
+                double ma = 0, mb = 0, aa = 0, bb = 0, ab = 0;
+                for (int64_t dy = -5; dy <= 5; ++dy)
+                    for (int64_t dx = -5; dx <= 5; ++dx) {
+                        if (y + dy < 0 || y + dy >= height || x + dx < 0 || x + dx >= width)
+                            continue;
+                        double w = window[dy + 5] * window[dx + 5] / sum / sum;
+                        auto i = size_t(((y + dy) * width + x + dx) * channels + c);
+                        ma += w * a.data[i];
+                        mb += w * b.data[i];
+                        aa += w * a.data[i] * a.data[i];
+                        bb += w * b.data[i] * b.data[i];
+                        ab += w * a.data[i] * b.data[i];
+                    }
+                total += (2 * ma * mb + 1e-4) * (2 * (ab - ma * mb) + 9e-4) /
+                         ((ma * ma + mb * mb + 1e-4) * (aa - ma * ma + bb - mb * mb + 9e-4));
+            }
+    return {{"ssim", scalar(total / double(height * width * channels))}};
+}
+
+TEST(Ssim, AgainstPlainLoop) {
+    for (Shape size : {Shape{1, 1, 1}, {13, 5, 3}, {3, 31, 2}, {20, 23, 3}}) {
+        OpCase test;
+        test.inputs = {{"a", uniform(size, 0, 1, 1)}, {"b", uniform(size, 0, 1, 2)}};
+        // Alike, so that the covariance matters.
+        for (size_t i = 0; i < test.inputs["b"].data.size(); ++i)
+            test.inputs["b"].data[i] =
+                0.7 * test.inputs["a"].data[i] + 0.3 * test.inputs["b"].data[i];
+        test.reference = ssimReference;
+        test.samples = 24;
+        checkOp("ssim", test);
+    }
+}
+
+TEST(Ssim, EqualPicturesGiveOne) {
+    Value picture = uniform({20, 30, 3}, 0, 1);
+    Npz arrays = arraysOf({{"a", picture}, {"b", picture}});
+    arrays.set("grad_ssim", Array::scalarF32(1));
+    Npz out = runOp("ssim", arrays);
+    EXPECT_NEAR(out.at("ssim").scalar(), 1, 1e-6);
+    for (float g : out.at("grad_a").toF32()) EXPECT_NEAR(g, 0, 1e-7);
+}
+
+// ---- keypoints ----------------------------------------------------------------------------------
+
+Values keypointReference(const Values& v) {
+    double sum = 0, weights = 0, scale = v.at("scale").data[0];
+    for (size_t j = 0; j < v.at("joints").data.size() / 3; ++j) {
+        const double *x = &v.at("joints").data[3 * j], *t = &v.at("targets").data[3 * j];
+        if (x[2] <= 0.001 || !(t[2] > 0)) continue;
+        double u = v.at("fx").data[0] * x[0] / x[2] + v.at("cx").data[0] - t[0];
+        double w = v.at("fy").data[0] * x[1] / x[2] + v.at("cy").data[0] - t[1];
+        sum += t[2] * (u * u + w * w) / (u * u + w * w + scale * scale);
+        weights += t[2];
+    }
+    return {{"loss", scalar(weights == 0 ? 0 : sum / weights)}};
+}
+
+TEST(KeypointLoss, AgainstPlainLoop) {
+    for (int64_t count : {1, 13, 24, 127})
+        for (double scale : {5., 60.}) {
+            OpCase test;
+            test.inputs = {{"joints", uniform({count, 3}, -0.5, 0.5, 1)},
+                           {"targets", uniform({count, 3}, 0, 1, 2)}};
+            for (size_t j = 0; j < size_t(count); ++j) {
+                double& z = test.inputs["joints"].data[3 * j + 2];
+                z = j % 7 == 5 ? -1 - z : z + 2;  // some behind the camera
+                test.inputs["targets"].data[3 * j] *= 128;
+                test.inputs["targets"].data[3 * j + 1] *= 96;
+                if (j % 5 == 4) test.inputs["targets"].data[3 * j + 2] = 0;  // some not seen
+            }
+            test.attributes = {{"fx", 150}, {"fy", 140}, {"cx", 64}, {"cy", 48}, {"scale", scale}};
+            test.reference = keypointReference;
+            checkOp("keypoint_loss", test);
+        }
+}
+
+TEST(KeypointLoss, NothingSeenGivesZero) {
+    Value targets{{3, 3}, {NAN, NAN, 0, 5, 5, 0, 7, 7, 1}};
+    Value joints{{3, 3}, {0, 0, 2, 0.1, 0, 2, 0.2, 0, -1}};
+    Npz arrays = arraysOf({{"joints", joints}, {"targets", targets}},
+                          {{"fx", 9}, {"fy", 9}, {"cx", 4}, {"cy", 4}, {"scale", 3}});
+    arrays.set("grad_loss", Array::scalarF32(1));
+    Npz out = runOp("keypoint_loss", arrays);
+    EXPECT_EQ(out.at("loss").scalar(), 0);
+    EXPECT_EQ(out.at("grad_joints").toF32(), std::vector<float>(9));
+    arrays.set("attr_scale", Array::scalarF64(0));
+    expectInputError([&] { runOp("keypoint_loss", arrays); },
+                     "attr_scale: expected pixels above 0");
+}
+
+// ---- dilation -----------------------------------------------------------------------------------
+
+TEST(Dilate3, AgainstPlainLoop) {
+    for (Shape size : {Shape{1, 1, 1}, {2, 1, 13}, {3, 13, 1}, {2, 11, 127}})
+        // Negative values too: beyond the border is 0.
+        for (Value x : {uniform(size, -1, 1), uniform(size, 0, 1)})
+            checkOp("dilate3", {.inputs = {{"x", x}}, .reference = [](const Values& v) {
+                                    Value y = v.at("x");
+                                    const Value& in = v.at("x");
+                                    int64_t h = in.shape[1], w = in.shape[2];
+                                    for (int64_t i = 0; i < int64_t(y.data.size()); ++i) {
+                                        int64_t n = i / (h * w), r = i / w % h, c = i % w;
+                                        double most = -INFINITY;
+                                        for (int64_t a = r - 1; a <= r + 1; ++a)
+                                            for (int64_t b = c - 1; b <= c + 1; ++b) {
+                                                bool in3 = a >= 0 && a < h && b >= 0 && b < w;
+                                                most = std::max(
+                                                    most,
+                                                    in3 ? in.data[size_t((n * h + a) * w + b)] : 0);
+                                            }
+                                        y.data[size_t(i)] = most;
+                                    }
+                                    return Values{{"y", y}};
+                                }});
+}
+
+// ---- laws ---------------------------------------------------------------------------------------
+
+TEST(Losses, SameBitsTwice) {
+    Shape size{100, 90, 3};
+    Npz arrays = arraysOf({{"predicted", uniform(size, 0, 1, 1)},
+                           {"target", uniform(size, 0, 1, 2)},
+                           {"mask", binary({100, 90}, 3)}});
+    arrays.set("grad_loss", Array::scalarF32(1));
+    Npz first = runOp("masked_l1_loss", arrays), second = runOp("masked_l1_loss", arrays);
+    EXPECT_EQ(first.at("loss").bytes, second.at("loss").bytes);
+    EXPECT_EQ(first.at("grad_predicted").bytes, second.at("grad_predicted").bytes);
+    arrays = arraysOf({{"a", uniform(size, 0, 1, 1)}, {"b", uniform(size, 0, 1, 2)}});
+    arrays.set("grad_ssim", Array::scalarF32(1));
+    first = runOp("ssim", arrays), second = runOp("ssim", arrays);
+    EXPECT_EQ(first.at("ssim").bytes, second.at("ssim").bytes);
+    EXPECT_EQ(first.at("grad_a").bytes, second.at("grad_a").bytes);
+}
+
+}  // namespace
+}  // namespace doppel
