@@ -121,13 +121,18 @@ Tensor listConstant(Graph& graph, std::span<const int32_t> values) {
     return graph.constant(values, {static_cast<int64_t>(values.size())});
 }
 
+AdjacencyTensors adjacencyTensors(Graph& graph, const Adjacency& adjacency) {
+    return {.vertexCount = static_cast<int64_t>(adjacency.begin.size()) - 1,
+            .begin = listConstant(graph, adjacency.begin),
+            .neighbours = listConstant(graph, adjacency.neighbours)};
+}
+
 MeshTensors meshTensors(Graph& graph, const MeshTopology& mesh) {
     return {.vertexCount = mesh.vertexCount,
             .faceCount = mesh.faceCount,
             .pairCount = mesh.pairCount,
             .faces = listConstant(graph, mesh.faces),
-            .neighbourBegin = listConstant(graph, mesh.adjacency.begin),
-            .neighbours = listConstant(graph, mesh.adjacency.neighbours),
+            .adjacency = adjacencyTensors(graph, mesh.adjacency),
             .cornerBegin = listConstant(graph, mesh.cornerBegin),
             .corners = listConstant(graph, mesh.corners),
             .pairBegin = listConstant(graph, mesh.pairBegin),

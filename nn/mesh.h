@@ -43,12 +43,18 @@ MeshTopology meshTopology(std::span<const int32_t> faces, int64_t vertexCount,
 constexpr int kMaxFacesPerEdge = 64;
 
 // The same as constants of a graph.
+struct AdjacencyTensors {
+    int64_t vertexCount = 0;
+    Tensor begin, neighbours;  // [V+1], [2E]
+};
+AdjacencyTensors adjacencyTensors(Graph& graph, const Adjacency& adjacency);
+
 struct MeshTensors {
     int64_t vertexCount = 0, faceCount = 0, pairCount = 0;
-    Tensor faces;                       // [F,3]
-    Tensor neighbourBegin, neighbours;  // [V+1], [2E]
-    Tensor cornerBegin, corners;        // [V+1], [3F,3]
-    Tensor pairBegin, pairFaces;        // [F+1], [2P]
+    Tensor faces;  // [F,3]
+    AdjacencyTensors adjacency;
+    Tensor cornerBegin, corners;  // [V+1], [3F,3]
+    Tensor pairBegin, pairFaces;  // [F+1], [2P]
 };
 MeshTensors meshTensors(Graph& graph, const MeshTopology& topology);
 

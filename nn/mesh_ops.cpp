@@ -30,6 +30,86 @@ MeshTensors meshOf(OpCall& c) {
     return meshTensors(c.graph, meshTopology(c.ints("faces"), vertices, "faces"));
 }
 
+// Both products of a graph convolution at once: z[V,2O] = [x weight0^T + bias0, x weight1^T +
+// bias1]. x may have more columns than the weights; these are left out.
+Tensor ownAndNeighbours(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency,
+                        const GraphConvWeights& w) {
+    int64_t I = w.weight0.dim(1), O = w.weight0.dim(0), row = x.dim(1);
+    CHECK(x.dim(0) == adjacency.vertexCount && row >= I, "x {} has the weights' {} columns",
+          toString(x.shape), I);
+    CHECK(w.weight1.shape == w.weight0.shape && w.bias0.elements() == O && w.bias1.elements() == O,
+          "both weights have the same shape {}", toString(w.weight0.shape));
+    StackParams params{static_cast<uint32_t>(O), static_cast<uint32_t>(I),
+                       static_cast<uint32_t>(row)};
+    Tensor weight = graph.temporary({2 * O, row}), bias = graph.temporary({2 * O});
+    graph.beginOp("graph_conv.weights");
+    graph.dispatch("mesh/stack.forward",
+                   {{"weight0", w.weight0},
+                    {"bias0", w.bias0},
+                    {"weight1", w.weight1},
+                    {"bias1", w.bias1},
+                    {"weight", weight},
+                    {"bias", bias}},
+                   params, static_cast<uint64_t>(weight.elements()));
+    graph.differentiate({w.weight0, w.bias0, w.weight1, w.bias1}, {weight, bias}, [=, &graph] {
+        auto target = [&](const Tensor& input) {
+            return graph.wantsGradient(input) ? graph.gradientTarget(input)
+                                              : graph.temporary(input.shape);
+        };
+        graph.dispatch("mesh/stack.backward",
+                       {{"dweight", graph.gradient(weight)},
+                        {"dbias", graph.gradient(bias)},
+                        {"dweight0", target(w.weight0)},
+                        {"dbias0", target(w.bias0)},
+                        {"dweight1", target(w.weight1)},
+                        {"dbias1", target(w.bias1)}},
+                       params, static_cast<uint64_t>(O * I));
+    });
+    return linear(graph, x, weight, bias);
+}
+
+// y[V,O] = z's first O columns + sum of the neighbours' last O columns. With a tail [V,3]: ReLU,
+// and the tail and zeros behind it, y[V,rowWithTail(O)].
+Tensor aggregate(Graph& graph, const Tensor& z, const AdjacencyTensors& adjacency,
+                 const Tensor& tail, bool relu) {
+    auto vertices = static_cast<uint32_t>(z.dim(0)), O = static_cast<uint32_t>(z.dim(1) / 2);
+    auto row = tail ? static_cast<uint32_t>(rowWithTail(O)) : O;
+    AggregateParams params{vertices, O, 2 * O, row};
+    // Where a load of eight bytes costs as much as one of four.
+    const DeviceInfo& device = graph.device().info();
+    bool pairs = device.cpu && device.int64 && O % kPairColumns == 0 && row % 2 == 0 &&
+                 graph.device().binding() == Binding::Addresses;
+    uint64_t invocations = uint64_t{vertices} * (pairs ? O / kPairColumns : O);
+    Specialisation spec{{"kRelu", relu}};
+    Tensor y = graph.temporary({vertices, row});
+    graph.beginOp("graph_conv.gather");
+    graph.dispatch(pairs ? "mesh/aggregate_pairs.forward" : "mesh/aggregate.forward",
+                   {{"z", z},
+                    {"neighbourBegin", adjacency.begin},
+                    {"neighbours", adjacency.neighbours},
+                    {"y", y}},
+                   params, invocations, spec);
+    if (tail) graph.dispatch("mesh/tail.append", {{"tail", tail}, {"y", y}}, params, vertices);
+    std::vector<Tensor> inputs{z};
+    if (tail) inputs.push_back(tail);
+    graph.differentiate(inputs, {y}, [=, &graph] {
+        Tensor dy = graph.gradient(y);
+        if (tail && graph.wantsGradient(tail))
+            graph.dispatch("mesh/tail.backward",
+                           {{"dy", dy}, {"dtail", graph.gradientTarget(tail)}}, params, vertices);
+        if (!graph.wantsGradient(z)) return;
+        Tensor dz = graph.gradientTarget(z);
+        graph.dispatch(pairs ? "mesh/aggregate_pairs.backward_own" : "mesh/aggregate.backward_own",
+                       {{"y", y}, {"dy", dy}, {"dz", dz}}, params, invocations, spec);
+        graph.dispatch(
+            pairs ? "mesh/aggregate_pairs.backward_neighbours"
+                  : "mesh/aggregate.backward_neighbours",
+            {{"neighbourBegin", adjacency.begin}, {"neighbours", adjacency.neighbours}, {"dz", dz}},
+            params, invocations);
+    });
+    return y;
+}
+
 }  // namespace
 
 Tensor vertexNormals(Graph& graph, const Tensor& verts, const MeshTensors& mesh) {
@@ -70,16 +150,16 @@ Tensor laplacianLoss(Graph& graph, const Tensor& verts, const MeshTensors& mesh)
     graph.beginOp("laplacian_loss");
     graph.dispatch("mesh/laplacian.forward",
                    {{"verts", verts},
-                    {"neighbourBegin", mesh.neighbourBegin},
-                    {"neighbours", mesh.neighbours},
+                    {"neighbourBegin", mesh.adjacency.begin},
+                    {"neighbours", mesh.adjacency.neighbours},
                     {"lengths", lengths},
                     {"units", units}},
                    params, vertices);
     Tensor loss = sum(graph, lengths, vertices);
     graph.differentiate({verts}, {loss}, [=, &graph] {
         graph.dispatch("mesh/laplacian.backward",
-                       {{"neighbourBegin", mesh.neighbourBegin},
-                        {"neighbours", mesh.neighbours},
+                       {{"neighbourBegin", mesh.adjacency.begin},
+                        {"neighbours", mesh.adjacency.neighbours},
                         {"units", units},
                         {"dloss", graph.gradient(loss)},
                         {"dverts", graph.gradientTarget(verts)}},
@@ -149,6 +229,42 @@ Tensor offsetClamp(Graph& graph, const Tensor& verts, const Tensor& offset, cons
     return y;
 }
 
+Tensor graphConv(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency,
+                 const GraphConvWeights& weights) {
+    Tensor z = ownAndNeighbours(graph, x, adjacency, weights);
+    return aggregate(graph, z, adjacency, {}, false);
+}
+
+Tensor graphConvLayer(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency,
+                      const GraphConvWeights& weights, const Tensor& tail) {
+    Tensor z = ownAndNeighbours(graph, x, adjacency, weights);
+    return aggregate(graph, z, adjacency, tail, true);
+}
+
+Tensor withTail(Graph& graph, const Tensor& x, int64_t columns, const Tensor& tail) {
+    CHECK(columns == 0 || (x.dim(0) == tail.dim(0) && columns <= x.dim(1)),
+          "x has the columns that are kept, and as many rows as the tail");
+    auto vertices = static_cast<uint32_t>(tail.dim(0));
+    AggregateParams params{vertices, static_cast<uint32_t>(columns),
+                           static_cast<uint32_t>(x ? x.dim(1) : 0),
+                           static_cast<uint32_t>(rowWithTail(columns))};
+    Tensor y = graph.temporary({vertices, params.row});
+    graph.beginOp("with_tail");
+    graph.dispatch("mesh/tail.replace", {{"x", x ? x : tail}, {"tail", tail}, {"y", y}},
+                   params, uint64_t{vertices} * params.row);
+    graph.differentiate({x, tail}, {y}, [=, &graph] {
+        Tensor dy = graph.gradient(y);
+        if (x && graph.wantsGradient(x))
+            graph.dispatch("mesh/tail.backward_replace",
+                           {{"dy", dy}, {"dx", graph.gradientTarget(x)}}, params,
+                           uint64_t{vertices} * params.xRow);
+        if (graph.wantsGradient(tail))
+            graph.dispatch("mesh/tail.backward",
+                           {{"dy", dy}, {"dtail", graph.gradientTarget(tail)}}, params, vertices);
+    });
+    return y;
+}
+
 static const Op kVertexNormals{{
     .name = "vertex_normals",
     .inputs = "verts[V,3] faces:i32[F,3]",
@@ -172,6 +288,52 @@ static const Op kNormalConsistencyLoss{{
     .differentiable = "verts",
     .build =
         [](OpCall& c) { c.result("loss", normalConsistencyLoss(c.graph, c["verts"], meshOf(c))); },
+}};
+
+static const Op kGraphConv{{
+    .name = "graph_conv",
+    .inputs = "x[V,I] edges:i32[E,2] weight0[O,I] bias0[O] weight1[O,I] bias1[O]",
+    .outputs = "y",
+    .differentiable = "x weight0 bias0 weight1 bias1",
+    .build =
+        [](OpCall& c) {
+            Adjacency edges = adjacency(c.ints("edges"), c["x"].dim(0), "graph_conv: edges");
+            c.result("y", graphConv(c.graph, c["x"], adjacencyTensors(c.graph, edges),
+                                    {c["weight0"], c["bias0"], c["weight1"], c["bias1"]}));
+        },
+}};
+
+// A layer of the mesh refinement: graph_conv, ReLU, the normals behind the features.
+static const Op kGraphConvLayer{{
+    .name = "graph_conv_layer",
+    .inputs = "x[V,R] edges:i32[E,2] weight0[O,I] bias0[O] weight1[O,I] bias1[O] tail[V,3]",
+    .outputs = "y",
+    .differentiable = "x weight0 bias0 weight1 bias1 tail",
+    .build =
+        [](OpCall& c) {
+            if (c["x"].dim(1) < c["weight0"].dim(1))
+                throwInput("graph_conv_layer: x has {} columns; expected weight0's {} or more",
+                           c["x"].dim(1), c["weight0"].dim(1));
+            Adjacency edges = adjacency(c.ints("edges"), c["x"].dim(0), "graph_conv_layer: edges");
+            c.result("y", graphConvLayer(c.graph, c["x"], adjacencyTensors(c.graph, edges),
+                                         {c["weight0"], c["bias0"], c["weight1"], c["bias1"]},
+                                         c["tail"]));
+        },
+}};
+
+static const Op kWithTail{{
+    .name = "with_tail",
+    .inputs = "x[V,R] tail[V,3]",
+    .attributes = "columns",
+    .outputs = "y",
+    .differentiable = "x tail",
+    .build =
+        [](OpCall& c) {
+            if (c.u("columns") > c["x"].dim(1))
+                throwInput("with_tail: attr_columns is {}; expected at most x's {}", c.u("columns"),
+                           c["x"].dim(1));
+            c.result("y", withTail(c.graph, c["x"], c.u("columns"), c["tail"]));
+        },
 }};
 
 static const Op kOffsetClamp{{

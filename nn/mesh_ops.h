@@ -24,4 +24,28 @@ Tensor normalConsistencyLoss(Graph& graph, const Tensor& verts, const MeshTensor
 // Gradients to verts and to offset, zero where |offset| >= limit.
 Tensor offsetClamp(Graph& graph, const Tensor& verts, const Tensor& offset, const Tensor& limit);
 
+// Of a graph convolution: weight0, weight1 [O,I], bias0, bias1 [O].
+struct GraphConvWeights {
+    Tensor weight0, bias0, weight1, bias1;
+};
+
+// y_i = weight0 x_i + bias0 + sum over the neighbours j of i of (weight1 x_j + bias1): bias1 counts
+// once per neighbour. x [V,I], result [V,O]. Gradients to x and the weights.
+Tensor graphConv(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency,
+                 const GraphConvWeights& weights);
+
+// A row of features with a tail of three behind it, padded to a multiple of four, which products
+// read faster.
+constexpr int64_t rowWithTail(int64_t features) { return (features + 3 + 3) / 4 * 4; }
+
+// A layer of the mesh refinement, y = [ReLU(graphConv(x)), tail, zeros]: x [V,I or more; the
+// columns behind I are left out], tail [V,3], result [V,rowWithTail(O)]. Gradients to x, the tail
+// and the weights.
+Tensor graphConvLayer(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency,
+                      const GraphConvWeights& weights, const Tensor& tail);
+
+// y = [the first `columns` columns of x, tail, zeros]: x [V,R], or empty where columns is 0;
+// tail [V,3]; result [V,rowWithTail(columns)]. Gradients to both.
+Tensor withTail(Graph& graph, const Tensor& x, int64_t columns, const Tensor& tail);
+
 }  // namespace doppel

@@ -155,6 +155,97 @@ Npz runOn(const char* op, const Value& verts, const std::vector<int>& faces,
     return Op::find(op)->run(testDevice(), arrays, {.reuseMemory = false, .poison = true});
 }
 
+Values graphConvReference(const Values& in) {
+    const Value& x = in.at("x");
+    auto V = size_t(x.shape[0]), R = size_t(x.shape[1]), O = size_t(in.at("weight0").shape[0]),
+         I = size_t(in.at("weight0").shape[1]);
+    auto product = [&](const char* weight, const char* bias, size_t v, size_t o) {
+        double sum = in.at(bias).data[o];
+        for (size_t i = 0; i < I; ++i) sum += in.at(weight).data[o * I + i] * x.data[v * R + i];
+        return sum;
+    };
+    Value y{{int64_t(V), int64_t(O)}, std::vector<double>(V * O)};
+    const std::vector<double>& edges = in.at("edges").data;
+    for (size_t o = 0; o < O; ++o) {
+        for (size_t v = 0; v < V; ++v) y.data[v * O + o] += product("weight0", "bias0", v, o);
+        for (size_t e = 0; e < edges.size(); e += 2) {
+            auto a = size_t(edges[e]), b = size_t(edges[e + 1]);
+            y.data[a * O + o] += product("weight1", "bias1", b, o);
+            y.data[b * O + o] += product("weight1", "bias1", a, o);
+        }
+    }
+    return {{"y", y}};
+}
+
+// ReLU, then the tail and zeros up to a multiple of four.
+Values layerReference(const Values& in) {
+    Value features = graphConvReference(in).at("y");
+    auto V = size_t(features.shape[0]), O = size_t(features.shape[1]), row = (O + 6) / 4 * 4;
+    Value y{{int64_t(V), int64_t(row)}, std::vector<double>(V * row)};
+    for (size_t v = 0; v < V; ++v) {
+        for (size_t o = 0; o < O; ++o)
+            y.data[v * row + o] = std::max(0.0, features.data[v * O + o]);
+        for (size_t k = 0; k < 3; ++k) y.data[v * row + O + k] = in.at("tail").data[3 * v + k];
+    }
+    return {{"y", y}};
+}
+
+// A ring with spokes from vertex 0, which leaves the last vertex alone.
+Value ringEdges(int vertices) {
+    std::vector<int> edges;
+    for (int v = 0; v + 2 < vertices; ++v) {
+        edges.insert(edges.end(), {v, v + 1});
+        if (v > 1) edges.insert(edges.end(), {0, v});
+    }
+    return indices({int64_t(edges.size() / 2), 2}, edges);
+}
+
+OpCase graphConvCase(int64_t V, int64_t I, int64_t O) {
+    return {.inputs = {{"x", random({V, I}, 1)},
+                       {"weight0", random({O, I}, 2)},
+                       {"bias0", random({O}, 3)},
+                       {"weight1", random({O, I}, 4)},
+                       {"bias1", random({O}, 5)}},
+            .integers = {{"edges", ringEdges(int(V))}},
+            .reference = graphConvReference};
+}
+
+TEST(MeshOps, GraphConv) {
+    // One vertex has no edges. Multiples of eight outputs take the kernel of pairs.
+    for (auto [V, I, O] : {std::array{1, 1, 1}, std::array{13, 5, 13}, std::array{127, 13, 8}})
+        checkOp("graph_conv", graphConvCase(V, I, O));
+}
+
+TEST(MeshOps, GraphConvLayer) {
+    for (auto [V, I, O, extra] : {std::array{13, 5, 13, 3}, std::array{127, 11, 8, 1}}) {
+        OpCase testCase = graphConvCase(V, I, O);
+        testCase.inputs["x"] = random({V, I + extra}, 1);
+        testCase.inputs["tail"] = random({V, 3}, 6);
+        testCase.reference = layerReference;
+        checkOp("graph_conv_layer", testCase);
+    }
+}
+
+Values withTailReference(const Values& in) {
+    auto keep = size_t(in.at("columns").data[0]), V = size_t(in.at("x").shape[0]),
+         R = size_t(in.at("x").shape[1]), row = (keep + 6) / 4 * 4;
+    Value y{{int64_t(V), int64_t(row)}, std::vector<double>(V * row)};
+    for (size_t v = 0; v < V; ++v) {
+        for (size_t k = 0; k < keep; ++k) y.data[v * row + k] = in.at("x").data[v * R + k];
+        for (size_t k = 0; k < 3; ++k) y.data[v * row + keep + k] = in.at("tail").data[3 * v + k];
+    }
+    return {{"y", y}};
+}
+
+TEST(MeshOps, WithTail) {
+    for (auto [V, R, columns] :
+         {std::array{1, 1, 0}, std::array{13, 12, 7}, std::array{127, 8, 5}, std::array{13, 5, 5}})
+        checkOp("with_tail", {.inputs = {{"x", random({V, R}, 1)}, {"tail", random({V, 3}, 2)}},
+                              .attributes = {{"columns", columns}},
+                              .reference = withTailReference,
+                              .floor = 1e-3});
+}
+
 // Faces without area: a point, a line, a corner named twice, a face folded onto its neighbour.
 TEST(MeshOps, DegenerateFaces) {
     Value verts{{7, 3}, {0, 0, 0, 0, 0, 0, 0, 0, 0,  // three vertices at one place
@@ -245,6 +336,16 @@ TEST(Mesh, RefusesWhatIsNoMesh) {
     };
     expectInputError([&] { run({0, 1, 5}); }, "faces: row 0 names vertex 5; expected 0 to 4");
     expectInputError([&] { run({0, 1, 2, 3, -1, 2}); }, "faces: row 1 names vertex -1");
+    OpCase graph = graphConvCase(13, 2, 2);
+    graph.integers["edges"].data[3] = 13;
+    Npz arrays;
+    for (const auto& [name, value] : graph.inputs)
+        arrays.set(name, Array::f64(value.shape, value.data));
+    const Value& edges = graph.integers["edges"];
+    arrays.set("edges",
+               Array::i32(edges.shape, std::vector<int32_t>(edges.data.begin(), edges.data.end())));
+    expectInputError([&] { Op::find("graph_conv")->run(testDevice(), arrays, {}); },
+                     "graph_conv: edges: row 1 names vertex 13; expected 0 to 12");
     std::vector<int> fan;
     for (int f = 0; f < 65; ++f) fan.insert(fan.end(), {0, 1, 2 + f % 3});
     expectInputError([&] { run(fan); }, "the edge 0-1 belongs to 65 faces; expected at most 64");

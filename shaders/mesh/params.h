@@ -6,10 +6,21 @@ struct MeshParams {
     uint n;       // vertices, or faces
     float scale;  // of a loss: one over the number of its terms
 };
+struct AggregateParams {
+    uint vertices;
+    uint outputs;  // O, features of a vertex
+    uint xRow;     // numbers from one row of z or x to the next
+    uint row;      // of y
+};
+struct StackParams {
+    uint outputs, inputs;  // O, I
+    uint row;              // inputs and the columns of zeros behind them
+};
 SHARED_END
 #ifdef __cplusplus
 namespace doppel {
 #endif
+const int kPairColumns = 8;           // columns per invocation of aggregate_pairs
 const float kNormalEpsilon = 1e-6f; // m^2; see vertexNormals()
 #ifdef __cplusplus
 }

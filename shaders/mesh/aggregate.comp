@@ -1,0 +1,45 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "common/op.glsl"
+#include "mesh/params.h"
+PARAMS(AggregateParams, 6)
+BUFFER(0, readonly, float, z);            // [V,2O] a vertex's own part, its part for neighbours
+BUFFER(1, readonly, int, neighbourBegin); // [V+1]
+BUFFER(2, readonly, int, neighbours);     // [2E]
+BUFFER(3, readwrite, float, y);           // [V,row] O results and whatever follows
+BUFFER(4, readonly, float, dy);           // [V,row]
+BUFFER(5, readwrite, float, dz);          // [V,2O]
+
+layout(constant_id = 1) const bool kRelu = false;
+
+// One invocation per vertex and column.
+ENTRY(forward) {
+    uint i = linearIndex();
+    if (i >= params.vertices * params.outputs) return;
+    uint v = i / params.outputs, column = i % params.outputs;
+    float sum = z.d[v * params.xRow + column];
+    int end = neighbourBegin.d[v + 1];
+    for (int n = neighbourBegin.d[v]; n < end; ++n)
+        sum += z.d[neighbours.d[n] * params.xRow + params.outputs + column];
+    y.d[v * params.row + column] = kRelu ? max(sum, 0) : sum;
+}
+
+ENTRY(backward_own) {
+    uint i = linearIndex();
+    if (i >= params.vertices * params.outputs) return;
+    uint v = i / params.outputs, column = i % params.outputs;
+    uint at = v * params.row + column;
+    dz.d[v * params.xRow + column] = kRelu && !(y.d[at] > 0) ? 0 : dy.d[at];
+}
+
+// Neighbours are mutual: what a vertex gave to others comes back from the same ones.
+ENTRY(backward_neighbours) {
+    uint i = linearIndex();
+    if (i >= params.vertices * params.outputs) return;
+    uint v = i / params.outputs, column = i % params.outputs;
+    float sum = 0;
+    int end = neighbourBegin.d[v + 1];
+    for (int n = neighbourBegin.d[v]; n < end; ++n)
+        sum += dz.d[neighbours.d[n] * params.xRow + column];
+    dz.d[v * params.xRow + params.outputs + column] = sum;
+}

@@ -1,0 +1,42 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "common/op.glsl"
+#include "mesh/params.h"
+PARAMS(StackParams, 12)
+BUFFER(0, readonly, float, weight0);    // [O,I]
+BUFFER(1, readonly, float, bias0);      // [O]
+BUFFER(2, readonly, float, weight1);    // [O,I]
+BUFFER(3, readonly, float, bias1);      // [O]
+BUFFER(4, writeonly, float, weight);    // [2O,row] one above the other, zeros behind
+BUFFER(5, writeonly, float, bias);      // [2O]
+BUFFER(6, readonly, float, dweight);    // [2O,row]
+BUFFER(7, readonly, float, dbias);      // [2O]
+BUFFER(8, writeonly, float, dweight0);  // [O,I]
+BUFFER(9, writeonly, float, dbias0);    // [O]
+BUFFER(10, writeonly, float, dweight1); // [O,I]
+BUFFER(11, writeonly, float, dbias1);   // [O]
+
+ENTRY(forward) {
+    uint i = linearIndex();
+    if (i >= 2 * params.outputs * params.row) return;
+    uint feature = i / params.row, column = i % params.row;
+    bool second = feature >= params.outputs;
+    if (second) feature -= params.outputs;
+    uint at = feature * params.inputs + column;
+    float value = 0;
+    if (column < params.inputs) value = second ? weight1.d[at] : weight0.d[at];
+    weight.d[i] = value;
+    if (column == 0) bias.d[i / params.row] = second ? bias1.d[feature] : bias0.d[feature];
+}
+
+ENTRY(backward) {
+    uint i = linearIndex();
+    if (i >= params.outputs * params.inputs) return;
+    uint feature = i / params.inputs, column = i % params.inputs;
+    uint second = feature + params.outputs;
+    dweight0.d[i] = dweight.d[feature * params.row + column];
+    dweight1.d[i] = dweight.d[second * params.row + column];
+    if (column > 0) return;
+    dbias0.d[feature] = dbias.d[feature];
+    dbias1.d[feature] = dbias.d[second];
+}
