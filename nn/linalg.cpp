@@ -61,14 +61,15 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
     if (g.ldb == 0) g.ldb = g.transB ? g.k : g.n;
     if (g.ldc == 0) g.ldc = g.n;
     if (g.m == 0 || g.n == 0 || g.batch == 0) return;
-    auto reach = [](int64_t rows, int64_t columns, int64_t ld, int64_t batch, int64_t stride) {
-        return rows == 0 || columns == 0 ? 0 : (batch - 1) * stride + (rows - 1) * ld + columns;
+    auto reach = [&](int64_t start, int64_t rows, int64_t columns, int64_t ld, int64_t stride) {
+        return rows == 0 || columns == 0
+                   ? 0
+                   : start + (g.batch - 1) * stride + (rows - 1) * ld + columns;
     };
-    CHECK(reach(g.transA ? g.k : g.m, g.transA ? g.m : g.k, g.lda, g.batch, g.strideA) <=
-                  a.elements() &&
-              reach(g.transB ? g.n : g.k, g.transB ? g.k : g.n, g.ldb, g.batch, g.strideB) <=
-                  b.elements() &&
-              reach(g.m, g.n, g.ldc, g.batch, g.strideC) <= c.elements(),
+    int64_t reachA = reach(g.startA, g.transA ? g.k : g.m, g.transA ? g.m : g.k, g.lda, g.strideA);
+    int64_t reachB = reach(g.startB, g.transB ? g.n : g.k, g.transB ? g.k : g.n, g.ldb, g.strideB);
+    int64_t reachC = reach(g.startC, g.m, g.n, g.ldc, g.strideC);
+    CHECK(reachA <= a.elements() && reachB <= b.elements() && reachC <= c.elements(),
           "the matrices of a product {}x{}x{} lie within their tensors", g.m, g.n, g.k);
     CHECK(!g.bias || g.bias.elements() == (g.biasPerRow ? g.m : g.n), "bias fits the product");
 
@@ -77,12 +78,25 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
     Tensor out = split ? graph.temporary({p.parts, g.batch, g.m, g.n}) : c;
     if (split) {
         g.ldc = g.n;
+        g.startC = 0;
         g.strideC = g.m * g.n;
     }
     int64_t strideCPart = g.batch * g.m * g.n;
-    GemmParams params{u32(g.m),       u32(g.n),     u32(g.k),       u32(g.lda),
-                      u32(g.ldb),     u32(g.ldc),   u32(g.strideA), u32(g.strideB),
-                      u32(g.strideC), u32(g.batch), u32(p.kPart),   split ? u32(strideCPart) : 0};
+    GemmParams params{.m = u32(g.m),
+                      .n = u32(g.n),
+                      .k = u32(g.k),
+                      .lda = u32(g.lda),
+                      .ldb = u32(g.ldb),
+                      .ldc = u32(g.ldc),
+                      .startA = u32(g.startA),
+                      .startB = u32(g.startB),
+                      .startC = u32(g.startC),
+                      .strideA = u32(g.strideA),
+                      .strideB = u32(g.strideB),
+                      .strideC = u32(g.strideC),
+                      .batch = u32(g.batch),
+                      .kPart = u32(p.kPart),
+                      .strideCPart = split ? u32(strideCPart) : 0};
     uint32_t biasKind = !g.bias ? 0 : g.biasPerRow ? 2 : 1;
     auto even = [](std::initializer_list<int64_t> values) {
         return uint32_t{std::ranges::all_of(values, [](int64_t v) { return v % 2 == 0; })};
@@ -99,9 +113,9 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
                   u32(p.parts * g.batch)};
     Tensor bias = g.bias ? g.bias : graph.none();
     if (p.onCpu) {
-        spec["kEvenA"] = even({g.lda, g.strideA, g.transA ? g.m : g.k});
-        spec["kEvenB"] = even({g.ldb, g.strideB, g.transB ? g.k : g.n});
-        spec["kEvenC"] = even({g.ldc, g.strideC, g.n, params.strideCPart});
+        spec["kEvenA"] = even({g.lda, g.startA, g.strideA, g.transA ? g.m : g.k});
+        spec["kEvenB"] = even({g.ldb, g.startB, g.strideB, g.transB ? g.k : g.n});
+        spec["kEvenC"] = even({g.ldc, g.startC, g.strideC, g.n, params.strideCPart});
         graph.dispatchGroups("linalg/gemm_pairs.tile",
                              {{"a", a},
                               {"b", b},
@@ -116,9 +130,13 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
                              params, groups, spec);
     }
     if (!split) return;
-    GemmReduceParams reduce{u32(strideCPart),   u32(g.m),
-                            u32(g.n),           u32(shape.ldc ? shape.ldc : g.n),
-                            u32(shape.strideC), u32(p.parts)};
+    GemmReduceParams reduce{.elements = u32(strideCPart),
+                            .m = u32(g.m),
+                            .n = u32(g.n),
+                            .ldc = u32(shape.ldc ? shape.ldc : g.n),
+                            .startC = u32(shape.startC),
+                            .strideC = u32(shape.strideC),
+                            .parts = u32(p.parts)};
     graph.dispatch("linalg/gemm_reduce.sum", {{"partial", out}, {"c", c}, {"bias", bias}}, reduce,
                    static_cast<uint64_t>(strideCPart),
                    {{"kAccumulate", g.accumulate}, {"kBias", biasKind}});

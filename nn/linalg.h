@@ -13,6 +13,7 @@ struct Gemm {
     bool accumulate = false;  // C += op(A) op(B)
     // Elements from one stored row to the next; 0: the rows are packed.
     int64_t lda = 0, ldb = 0, ldc = 0;
+    int64_t startA = 0, startB = 0, startC = 0;  // first element
     // So many products, and elements from one matrix to the next; 0: all share one (not C).
     int64_t batch = 1, strideA = 0, strideB = 0, strideC = 0;
     Tensor bias;  // added to every row [n], or, biasPerRow, to every column [m]

@@ -9,9 +9,9 @@
 #include "linalg/params.h"
 
 #if PAIRS
-#define BUFFERS 9
+#define BUFFERS 7
 #else
-#define BUFFERS 6
+#define BUFFERS 4
 #endif
 PARAMS(GemmParams, BUFFERS)
 BUFFER(0, readonly, float, a);       // [batch, m, k], transposed [batch, k, m]
@@ -82,7 +82,8 @@ void gemmTile() {
     uint m = params.m, n = params.n, lda = params.lda, ldb = params.ldb;
     uint row = gl_WorkGroupID.x * kRows;
     uint part = gl_WorkGroupID.z / params.batch, matrix = gl_WorkGroupID.z % params.batch;
-    uint baseA = matrix * params.strideA, baseB = matrix * params.strideB;
+    uint baseA = params.startA + matrix * params.strideA;
+    uint baseB = params.startB + matrix * params.strideB;
     uint begin = part * params.kPart, end = min(params.k, begin + params.kPart);
 
     vec2 sum[kRows][kPairs];
@@ -143,7 +144,7 @@ void gemmTile() {
         }
     }
 
-    uint baseC = part * params.strideCPart + matrix * params.strideC;
+    uint baseC = params.startC + part * params.strideCPart + matrix * params.strideC;
     [[unroll]] for (uint j = 0; j < kPairs; ++j) {
         if (column[j] >= n) continue;
         bool both = column[j] + 1 < n;

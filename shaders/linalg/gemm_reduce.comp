@@ -15,7 +15,7 @@ ENTRY(sum) {
     uint i = linearIndex();
     if (i >= params.elements) return;
     uint matrix = i / (params.m * params.n), row = i / params.n % params.m, column = i % params.n;
-    uint at = matrix * params.strideC + row * params.ldc + column;
+    uint at = params.startC + matrix * params.strideC + row * params.ldc + column;
     float total = 0;
     for (uint p = 0; p < params.parts; ++p) total += partial.d[p * params.elements + i];
     if (kBias == 1) total += bias.d[column];

@@ -5,6 +5,7 @@ SHARED_BEGIN
 struct GemmParams {
     uint m, n, k;
     uint lda, ldb, ldc;                 // elements from row to row, as stored
+    uint startA, startB, startC;        // first element
     uint strideA, strideB, strideC;     // elements from one matrix of the batch to the next
     uint batch;                         // workgroup z = part * batch + matrix
     uint kPart;                         // part p sums k in [p * kPart, (p + 1) * kPart)
@@ -13,7 +14,7 @@ struct GemmParams {
 struct GemmReduceParams {
     uint elements;  // of C: batch * m * n
     uint m, n;
-    uint ldc, strideC;
+    uint ldc, startC, strideC;
     uint parts;  // [parts, batch, m, n] are summed in order
 };
 struct SumParams {

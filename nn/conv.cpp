@@ -1,0 +1,420 @@
+#include "nn/conv.h"
+
+#include <algorithm>
+
+#include "conv/params.h"
+#include "nn/linalg.h"
+#include "nn/op.h"
+
+namespace doppel {
+
+namespace {
+
+// The columns of a layer, what each window sees, are several times its images; they are made for
+// as many images, windows or channels at once as fit into this.
+constexpr int64_t kColumnsElements = int64_t{4} << 20;
+
+// Windows over images, as in conv/params.h. A convolution gathers from them, its transpose sums
+// into them; either way weight is [features, channels * kernel] with one feature map per window.
+struct Windows {
+    int64_t images = 0, channels = 0, height = 0, width = 0;
+    int64_t features = 0, kernelH = 0, kernelW = 0, stride = 0, padding = 0;
+    int64_t outHeight = 0, outWidth = 0;
+
+    int64_t windows() const { return outHeight * outWidth; }
+    int64_t rows() const { return channels * kernelH * kernelW; }
+    int64_t pixels() const { return height * width; }
+    double flops() const {
+        return 2.0 * static_cast<double>(images * features) *
+               static_cast<double>(rows() * windows());
+    }
+    Specialisation specialisation() const {
+        return {{"kKernelH", static_cast<uint32_t>(kernelH)},
+                {"kKernelW", static_cast<uint32_t>(kernelW)},
+                {"kStride", static_cast<uint32_t>(stride)}};
+    }
+};
+
+uint32_t u32(int64_t value) { return static_cast<uint32_t>(value); }
+
+// Workgroups of up to 64 along x, and y, z as they are.
+Groups planes(int64_t x, int64_t y, int64_t z, Specialisation& spec) {
+    uint32_t size = x <= 8 ? 8 : x <= 16 ? 16 : x <= 32 ? 32 : 64;
+    spec["local_size"] = size;
+    CHECK(y <= 65535 && z <= 65535, "{} channels and {} images fit into one dispatch", y, z);
+    return {u32((x + size - 1) / size), u32(y), u32(z)};
+}
+
+// columns[images, rows, windows] of some images and windows.
+void gatherColumns(Graph& graph, const Windows& w, const Tensor& image, int64_t firstImage,
+                   int64_t images, int64_t firstWindow, int64_t windows, const Tensor& columns) {
+    ColumnsParams params{.channels = u32(w.channels),
+                         .height = u32(w.height),
+                         .width = u32(w.width),
+                         .outWidth = u32(w.outWidth),
+                         .windows = u32(windows),
+                         .firstWindow = u32(firstWindow),
+                         .images = u32(images),
+                         .startImage = u32(firstImage * w.channels * w.pixels()),
+                         .strideImage = u32(w.channels * w.pixels()),
+                         .padding = u32(w.padding),
+                         .byOutWidth = divisorOf(uint64_t(w.outWidth))};
+    Specialisation spec = w.specialisation();
+    Groups groups = planes(windows, w.channels, images, spec);
+    graph.dispatchGroups("conv/columns.gather", {{"image", image}, {"columns", columns}}, params,
+                         groups, spec);
+}
+
+// maps[images, features, windows] = weight columns(image) (+ bias per feature)
+void gatherProduct(Graph& graph, const Windows& w, const Tensor& image, const Tensor& weight,
+                   const Tensor& bias, const Tensor& maps) {
+    int64_t images = std::clamp<int64_t>(kColumnsElements / (w.rows() * w.windows()), 1, w.images);
+    int64_t part = std::clamp<int64_t>(kColumnsElements / w.rows() / 64 * 64, 64, w.windows());
+    if (images > 1) part = w.windows();
+    for (int64_t n = 0; n < w.images; n += images)
+        for (int64_t first = 0; first < w.windows(); first += part) {
+            int64_t some = std::min(images, w.images - n);
+            int64_t count = std::min(part, w.windows() - first);
+            Tensor columns = graph.temporary({some, w.rows(), count});
+            gatherColumns(graph, w, image, n, some, first, count, columns);
+            gemm(graph, weight, columns, maps,
+                 {.m = w.features,
+                  .n = count,
+                  .k = w.rows(),
+                  .ldc = w.windows(),
+                  .startC = n * w.features * w.windows() + first,
+                  .batch = some,
+                  .strideB = w.rows() * count,
+                  .strideC = w.features * w.windows(),
+                  .bias = bias,
+                  .biasPerRow = true});
+        }
+}
+
+// dweight[features, rows] = sum over images and windows of maps columns(image)^T
+void weightProduct(Graph& graph, const Windows& w, const Tensor& image, const Tensor& maps,
+                   const Tensor& dweight) {
+    int64_t part = std::clamp<int64_t>(kColumnsElements / w.rows() / 64 * 64, 64, w.windows());
+    bool first = true;
+    for (int64_t n = 0; n < w.images; ++n)
+        for (int64_t window = 0; window < w.windows(); window += part) {
+            int64_t count = std::min(part, w.windows() - window);
+            Tensor columns = graph.temporary({w.rows(), count});
+            gatherColumns(graph, w, image, n, 1, window, count, columns);
+            gemm(graph, maps, columns, dweight,
+                 {.m = w.features,
+                  .n = w.rows(),
+                  .k = count,
+                  .transB = true,
+                  .accumulate = !first,
+                  .lda = w.windows(),
+                  .startA = n * w.features * w.windows() + window});
+            first = false;
+        }
+}
+
+// image = sum over the windows that see a pixel of weight^T maps (+ bias per channel)
+void sumProduct(Graph& graph, const Windows& w, const Tensor& maps, const Tensor& weight,
+                const Tensor& bias, const Tensor& image) {
+    int64_t kernel = w.kernelH * w.kernelW;
+    int64_t images = std::clamp<int64_t>(kColumnsElements / (w.rows() * w.windows()), 1, w.images);
+    int64_t part = std::clamp<int64_t>(kColumnsElements / (kernel * w.windows()), 1, w.channels);
+    if (images > 1) part = w.channels;
+    for (int64_t n = 0; n < w.images; n += images)
+        for (int64_t channel = 0; channel < w.channels; channel += part) {
+            int64_t some = std::min(images, w.images - n);
+            int64_t channels = std::min(part, w.channels - channel);
+            Tensor columns = graph.temporary({some, channels * kernel, w.windows()});
+            gemm(graph, weight, maps, columns,
+                 {.m = channels * kernel,
+                  .n = w.windows(),
+                  .k = w.features,
+                  .transA = true,
+                  .lda = w.rows(),
+                  .startA = channel * kernel,
+                  .startB = n * w.features * w.windows(),
+                  .batch = some,
+                  .strideB = w.features * w.windows(),
+                  .strideC = channels * kernel * w.windows()});
+            ImageParams params{.channels = u32(channels),
+                               .height = u32(w.height),
+                               .width = u32(w.width),
+                               .outHeight = u32(w.outHeight),
+                               .outWidth = u32(w.outWidth),
+                               .images = u32(some),
+                               .startImage = u32(n * w.channels * w.pixels()),
+                               .strideImage = u32(w.channels * w.pixels()),
+                               .padding = u32(w.padding),
+                               .firstChannel = u32(channel),
+                               .byWidth = divisorOf(uint64_t(w.width))};
+            Specialisation spec = w.specialisation();
+            Groups groups = planes(w.pixels(), channels, some, spec);
+            spec["kBias"] = bias ? 1 : 0;
+            graph.dispatchGroups(
+                "conv/image.sum",
+                {{"columns", columns}, {"image", image}, {"bias", bias ? bias : graph.none()}},
+                params, groups, spec);
+        }
+}
+
+// dbias[C] = sum over images and pixels of dy[N,C,...]
+void biasGradient(Graph& graph, const Tensor& dy, const Tensor& dbias) {
+    int64_t N = dy.dim(0), C = dy.dim(1), pixels = dy.dim(2) * dy.dim(3);
+    if (N == 1) {
+        sumAxis(graph, dy, C, pixels, 1, dbias);
+        return;
+    }
+    Tensor perImage = graph.temporary({N, C});
+    sumAxis(graph, dy, N * C, pixels, 1, perImage);
+    sumAxis(graph, perImage, 1, N, C, dbias);
+}
+
+// Image sizes must fit 31 bits: that is how far the kernels count.
+void checkSizes(const Windows& w) {
+    constexpr int64_t kMost = (int64_t{1} << 31) - 1;
+    CHECK(w.images * w.channels * w.pixels() <= kMost &&
+              w.images * w.features * w.windows() <= kMost && w.rows() * w.features <= kMost,
+          "images and feature maps have less than 2^31 elements");
+}
+
+}  // namespace
+
+Tensor conv2d(Graph& graph, const Tensor& x, const Tensor& weight, const Tensor& bias,
+              uint32_t stride, uint32_t padding) {
+    Windows w{x.dim(0),      x.dim(1),      x.dim(2), x.dim(3), weight.dim(0),
+              weight.dim(2), weight.dim(3), stride,   padding};
+    CHECK(stride > 0 && weight.dim(1) == w.channels && w.height + 2 * padding >= w.kernelH &&
+              w.width + 2 * padding >= w.kernelW,
+          "weight {} fits x {}", toString(weight.shape), toString(x.shape));
+    w.outHeight = (w.height + 2 * padding - w.kernelH) / stride + 1;
+    w.outWidth = (w.width + 2 * padding - w.kernelW) / stride + 1;
+    checkSizes(w);
+    Tensor y = graph.temporary({w.images, w.features, w.outHeight, w.outWidth});
+    graph.beginOp("conv2d", w.flops());
+    gatherProduct(graph, w, x, weight, bias, y);
+    graph.differentiate({x, weight, bias}, {y}, [=, &graph] {
+        Tensor dy = graph.gradient(y);
+        if (graph.wantsGradient(weight))
+            weightProduct(graph, w, x, dy, graph.gradientTarget(weight));
+        if (graph.wantsGradient(bias)) biasGradient(graph, dy, graph.gradientTarget(bias));
+        if (graph.wantsGradient(x)) sumProduct(graph, w, dy, weight, {}, graph.gradientTarget(x));
+    });
+    return y;
+}
+
+Tensor convTranspose2d(Graph& graph, const Tensor& x, const Tensor& weight, const Tensor& bias,
+                       uint32_t stride, uint32_t padding) {
+    // The windows lie over y, and x is their feature maps.
+    Windows w{.images = x.dim(0),
+              .channels = weight.dim(1),
+              .features = x.dim(1),
+              .kernelH = weight.dim(2),
+              .kernelW = weight.dim(3),
+              .stride = stride,
+              .padding = padding,
+              .outHeight = x.dim(2),
+              .outWidth = x.dim(3)};
+    w.height = (w.outHeight - 1) * stride - 2 * int64_t{padding} + w.kernelH;
+    w.width = (w.outWidth - 1) * stride - 2 * int64_t{padding} + w.kernelW;
+    CHECK(stride > 0 && weight.dim(0) == w.features && w.height > 0 && w.width > 0,
+          "weight {} fits x {}", toString(weight.shape), toString(x.shape));
+    checkSizes(w);
+    Tensor y = graph.temporary({w.images, w.channels, w.height, w.width});
+    graph.beginOp("conv_transpose2d", w.flops());
+    sumProduct(graph, w, x, weight, bias, y);
+    graph.differentiate({x, weight, bias}, {y}, [=, &graph] {
+        Tensor dy = graph.gradient(y);
+        if (graph.wantsGradient(weight))
+            weightProduct(graph, w, dy, x, graph.gradientTarget(weight));
+        if (graph.wantsGradient(bias)) biasGradient(graph, dy, graph.gradientTarget(bias));
+        if (graph.wantsGradient(x))
+            gatherProduct(graph, w, dy, weight, {}, graph.gradientTarget(x));
+    });
+    return y;
+}
+
+// ---- batch normalisation ------------------------------------------------------------------------
+
+namespace {
+
+Tensor batchNorm(Graph& graph, const Tensor& x, const Tensor& weight, const Tensor& bias,
+                 float epsilon, const RunningStatistics& running, float momentum, bool training) {
+    int64_t N = x.dim(0), C = x.dim(1), pixels = x.dim(2) * x.dim(3);
+    CHECK(weight.elements() == C && bias.elements() == C, "weight and bias have {} channels", C);
+    CHECK(!running.mean || (running.mean.elements() == C && running.variance.elements() == C),
+          "running statistics have {} channels", C);
+    CHECK(training || running.mean, "evaluation has running statistics");
+    int64_t threads = std::min<int64_t>(pixels, 256);
+    BatchNormParams params{u32(N), u32(C), u32(pixels), u32(threads), epsilon, momentum};
+    Tensor y = graph.temporary(x.shape);
+    Tensor mean = graph.temporary({C}), deviation = graph.temporary({C});
+    graph.beginOp(training ? "batch_norm2d" : "batch_norm2d_evaluation");
+    if (training) {
+        Tensor partial = graph.temporary({C, threads});
+        Specialisation spec;
+        Groups groups = planes(threads, C, 1, spec);
+        uint32_t update = running.mean ? 1 : 0;
+        spec["kCentred"] = 0;
+        graph.dispatchGroups("conv/batch_norm.sum",
+                             {{"x", x}, {"partial", partial}, {"mean", mean}}, params, groups,
+                             spec);
+        graph.dispatch("conv/batch_norm.mean",
+                       {{"sums", partial},
+                        {"mean", mean},
+                        {"runningMean", update ? running.mean : graph.none()}},
+                       params, uint64_t(C), {{"kRunning", update}});
+        spec["kCentred"] = 1;
+        graph.dispatchGroups("conv/batch_norm.sum",
+                             {{"x", x}, {"partial", partial}, {"mean", mean}}, params, groups,
+                             spec);
+        graph.dispatch("conv/batch_norm.deviation",
+                       {{"sums", partial},
+                        {"deviation", deviation},
+                        {"runningVariance", update ? running.variance : graph.none()}},
+                       params, uint64_t(C), {{"kRunning", update}});
+    } else {
+        graph.dispatch("conv/batch_norm.running",
+                       {{"mean", mean},
+                        {"deviation", deviation},
+                        {"runningMean", running.mean},
+                        {"runningVariance", running.variance}},
+                       params, uint64_t(C));
+    }
+    Specialisation spec;
+    Groups groups = planes(pixels, C, N, spec);
+    graph.dispatchGroups("conv/batch_norm.forward",
+                         {{"x", x},
+                          {"mean", mean},
+                          {"deviation", deviation},
+                          {"weight", weight},
+                          {"bias", bias},
+                          {"y", y}},
+                         params, groups, spec);
+    graph.differentiate({x, weight, bias}, {y}, [=, &graph] {
+        Tensor dy = graph.gradient(y), partial = graph.temporary({2, C, threads});
+        Tensor dweight =
+            graph.wantsGradient(weight) ? graph.gradientTarget(weight) : graph.temporary({C});
+        Tensor dbias =
+            graph.wantsGradient(bias) ? graph.gradientTarget(bias) : graph.temporary({C});
+        Specialisation some;
+        Groups sums = planes(threads, C, 1, some);
+        graph.dispatchGroups(
+            "conv/batch_norm_backward.sum",
+            {{"x", x}, {"dy", dy}, {"mean", mean}, {"deviation", deviation}, {"partial", partial}},
+            params, sums, some);
+        graph.dispatch("conv/batch_norm_backward.parameters",
+                       {{"sums", partial}, {"dweight", dweight}, {"dbias", dbias}}, params,
+                       uint64_t(C));
+        if (!graph.wantsGradient(x)) return;
+        Specialisation whole;
+        Groups all = planes(pixels, C, N, whole);
+        whole["kTraining"] = training;
+        graph.dispatchGroups("conv/batch_norm_backward.input",
+                             {{"x", x},
+                              {"dy", dy},
+                              {"mean", mean},
+                              {"deviation", deviation},
+                              {"weight", weight},
+                              {"dweight", dweight},
+                              {"dbias", dbias},
+                              {"dx", graph.gradientTarget(x)}},
+                             params, all, whole);
+    });
+    return y;
+}
+
+}  // namespace
+
+Tensor batchNorm2d(Graph& graph, const Tensor& x, const Tensor& weight, const Tensor& bias,
+                   float epsilon, const RunningStatistics& running, float momentum) {
+    return batchNorm(graph, x, weight, bias, epsilon, running, momentum, true);
+}
+
+Tensor batchNorm2dEvaluation(Graph& graph, const Tensor& x, const Tensor& weight,
+                             const Tensor& bias, const RunningStatistics& running, float epsilon) {
+    return batchNorm(graph, x, weight, bias, epsilon, running, 0, false);
+}
+
+// ---- for op_runner ------------------------------------------------------------------------------
+
+namespace {
+
+void checkWindows(const OpCall& c) {
+    const Shape &x = c["x"].shape, &w = c["weight"].shape;
+    if (c.u("stride") == 0) throwInput("attr_stride: expected 1 or more, found 0");
+    int64_t padding = c.u("padding");
+    if (x[2] + 2 * padding < w[2] || x[3] + 2 * padding < w[3])
+        throwInput("weight: a kernel of {}x{} is larger than the padded image of {}x{}", w[2], w[3],
+                   x[2] + 2 * padding, x[3] + 2 * padding);
+}
+
+void checkTransposed(const OpCall& c) {
+    const Shape &x = c["x"].shape, &w = c["weight"].shape;
+    if (c.u("stride") == 0) throwInput("attr_stride: expected 1 or more, found 0");
+    int64_t stride = c.u("stride"), padding = c.u("padding");
+    if ((x[2] - 1) * stride + w[2] <= 2 * padding || (x[3] - 1) * stride + w[3] <= 2 * padding)
+        throwInput("attr_padding: {} leaves nothing of the image", padding);
+}
+
+void checkPositive(const OpCall& c) {
+    if (c.attribute("eps") <= 0)
+        throwInput("attr_eps: expected a positive number, found {}", c.attribute("eps"));
+    if (c["x"].elements() == 0) throwInput("x: expected pixels, found {}", toString(c["x"].shape));
+}
+
+}  // namespace
+
+static const Op kConv2d{{
+    .name = "conv2d",
+    .inputs = "x[N,C,H,W] weight[O,C,kh,kw] bias[O]?",
+    .attributes = "stride padding",
+    .outputs = "y",
+    .differentiable = "x weight bias",
+    .build =
+        [](OpCall& c) {
+            checkWindows(c);
+            c.result("y", conv2d(c.graph, c["x"], c["weight"], c["bias"], c.u("stride"),
+                                 c.u("padding")));
+        },
+}};
+static const Op kConvTranspose2d{{
+    .name = "conv_transpose2d",
+    .inputs = "x[N,C,H,W] weight[C,O,kh,kw] bias[O]?",
+    .attributes = "stride padding",
+    .outputs = "y",
+    .differentiable = "x weight bias",
+    .build =
+        [](OpCall& c) {
+            checkTransposed(c);
+            c.result("y", convTranspose2d(c.graph, c["x"], c["weight"], c["bias"], c.u("stride"),
+                                          c.u("padding")));
+        },
+}};
+static const Op kBatchNorm2d{{
+    .name = "batch_norm2d",
+    .inputs = "x[N,C,H,W] weight[C] bias[C]",
+    .attributes = "eps",
+    .outputs = "y",
+    .differentiable = "x weight bias",
+    .build =
+        [](OpCall& c) {
+            checkPositive(c);
+            c.result("y", batchNorm2d(c.graph, c["x"], c["weight"], c["bias"], c.f("eps")));
+        },
+}};
+static const Op kBatchNorm2dEvaluation{{
+    .name = "batch_norm2d_evaluation",
+    .inputs = "x[N,C,H,W] weight[C] bias[C] running_mean[C] running_variance[C]",
+    .attributes = "eps",
+    .outputs = "y",
+    .differentiable = "x weight bias",
+    .build =
+        [](OpCall& c) {
+            checkPositive(c);
+            c.result("y",
+                     batchNorm2dEvaluation(c.graph, c["x"], c["weight"], c["bias"],
+                                           {c["running_mean"], c["running_variance"]}, c.f("eps")));
+        },
+}};
+
+}  // namespace doppel

@@ -1,0 +1,35 @@
+#ifndef CONV_PARAMS_H
+#define CONV_PARAMS_H
+#include "common/divide.h"
+#include "common/shared.h"
+SHARED_BEGIN
+// Windows of kernel size slide over an image [channels, height, width] with a stride and padding;
+// outHeight x outWidth of them fit. columns[channels * kernelH * kernelW, windows] holds what each
+// sees. Kernel and stride are specialisation constants.
+struct ColumnsParams {
+    uint channels, height, width;
+    uint outWidth;
+    uint windows;       // of this part
+    uint firstWindow;   // the part's first, counted row by row
+    uint images;        // of the batch
+    uint startImage, strideImage;  // elements to the first image, from one to the next
+    uint padding;
+    Divisor byOutWidth;
+};
+struct ImageParams {
+    uint channels, height, width;  // channels: of columns
+    uint outHeight, outWidth;      // windows
+    uint images;
+    uint startImage, strideImage;
+    uint padding;
+    uint firstChannel;  // of the image's: columns hold some of its channels, image and bias all
+    Divisor byWidth;
+};
+struct BatchNormParams {
+    uint images, channels, pixels;  // x[images, channels, pixels]
+    uint threads;                   // partial sums per channel
+    float epsilon;
+    float momentum;  // of the running statistics
+};
+SHARED_END
+#endif

@@ -1,0 +1,236 @@
+#include "nn/conv.h"
+
+#include <cmath>
+
+#include "tests/op_test.h"
+
+namespace doppel {
+namespace {
+
+size_t size(const Value& v, int d) { return static_cast<size_t>(v.shape[size_t(d)]); }
+
+// Calls f(image index, weight index, output index) for every product of a convolution of an image
+// [N,C,H,W] with a kernel [O,C,kh,kw] to [N,O,H',W'].
+void forEachProduct(const Shape& image, const Shape& kernel, int64_t stride, int64_t padding,
+                    const std::function<void(size_t, size_t, size_t)>& f) {
+    int64_t N = image[0], C = image[1], H = image[2], W = image[3];
+    int64_t O = kernel[0], kh = kernel[2], kw = kernel[3];
+    int64_t OH = (H + 2 * padding - kh) / stride + 1, OW = (W + 2 * padding - kw) / stride + 1;
+    for (int64_t n = 0; n < N; ++n)
+        for (int64_t o = 0; o < O; ++o)
+            for (int64_t oy = 0; oy < OH; ++oy)
+                for (int64_t ox = 0; ox < OW; ++ox)
+                    for (int64_t c = 0; c < C; ++c)
+                        for (int64_t ky = 0; ky < kh; ++ky)
+                            for (int64_t kx = 0; kx < kw; ++kx) {
+                                int64_t y = oy * stride + ky - padding;
+                                int64_t x = ox * stride + kx - padding;
+                                if (y < 0 || x < 0 || y >= H || x >= W) continue;
+                                f(size_t(((n * C + c) * H + y) * W + x),
+                                  size_t(((o * C + c) * kh + ky) * kw + kx),
+                                  size_t(((n * O + o) * OH + oy) * OW + ox));
+                            }
+}
+
+void addBias(Value& y, const Values& v) {
+    if (!v.contains("bias")) return;
+    size_t plane = size(y, 2) * size(y, 3);
+    for (size_t i = 0; i < y.data.size(); ++i)
+        y.data[i] += v.at("bias").data[i / plane % size(y, 1)];
+}
+
+Values convReference(const Values& v) {
+    const Value &x = v.at("x"), &w = v.at("weight");
+    auto s = int64_t(v.at("stride").data[0]), p = int64_t(v.at("padding").data[0]);
+    Value y{{x.shape[0], w.shape[0], (x.shape[2] + 2 * p - w.shape[2]) / s + 1,
+             (x.shape[3] + 2 * p - w.shape[3]) / s + 1},
+            {}};
+    y.data.resize(size_t(elementCount(y.shape)));
+    forEachProduct(x.shape, w.shape, s, p,
+                   [&](size_t i, size_t k, size_t o) { y.data[o] += x.data[i] * w.data[k]; });
+    addBias(y, v);
+    return {{"y", y}};
+}
+
+Values transposedReference(const Values& v) {
+    const Value &x = v.at("x"), &w = v.at("weight");
+    auto s = int64_t(v.at("stride").data[0]), p = int64_t(v.at("padding").data[0]);
+    Value y{{x.shape[0], w.shape[1], (x.shape[2] - 1) * s - 2 * p + w.shape[2],
+             (x.shape[3] - 1) * s - 2 * p + w.shape[3]},
+            {}};
+    y.data.resize(size_t(elementCount(y.shape)));
+    forEachProduct(y.shape, w.shape, s, p,
+                   [&](size_t i, size_t k, size_t o) { y.data[i] += x.data[o] * w.data[k]; });
+    addBias(y, v);
+    return {{"y", y}};
+}
+
+struct Case {
+    Shape x, weight;
+    int stride, padding;
+    bool bias = true;
+};
+
+void checkConvolution(const char* op, const Case& c, int64_t features,
+                      Values (*reference)(const Values&)) {
+    SCOPED_TRACE(fmt::format("{} {} stride {} padding {}", toString(c.x), toString(c.weight),
+                             c.stride, c.padding));
+    OpCase opCase{.inputs = {{"x", random(c.x, 1)}, {"weight", random(c.weight, 2)}},
+                  .attributes = {{"stride", c.stride}, {"padding", c.padding}},
+                  .reference = reference,
+                  .samples = 8};
+    if (c.bias) opCase.inputs["bias"] = random({features}, 3);
+    checkOp(op, opCase);
+}
+
+TEST(Conv, Conv2d) {
+    const Case cases[] = {
+        {{1, 1, 1, 1}, {1, 1, 1, 1}, 1, 0},         {{2, 3, 6, 8}, {5, 3, 4, 4}, 2, 1},
+        {{1, 2, 13, 7}, {3, 2, 4, 4}, 1, 1, false}, {{2, 2, 13, 5}, {1, 2, 3, 2}, 3, 2},
+        {{1, 1, 2, 2}, {4, 1, 4, 4}, 2, 1},         {{1, 13, 5, 5}, {2, 13, 5, 5}, 1, 0}};
+    for (const Case& c : cases) checkConvolution("conv2d", c, c.weight[0], convReference);
+}
+
+TEST(Conv, ConvTranspose2d) {
+    const Case cases[] = {{{1, 1, 1, 1}, {1, 1, 1, 1}, 1, 0},
+                          {{2, 3, 3, 4}, {3, 5, 4, 4}, 2, 1},
+                          {{1, 2, 13, 7}, {2, 3, 4, 4}, 1, 1, false},
+                          {{2, 2, 4, 3}, {2, 1, 2, 3}, 3, 1},
+                          {{2, 4, 1, 1}, {4, 3, 4, 4}, 2, 1}};
+    for (const Case& c : cases)
+        checkConvolution("conv_transpose2d", c, c.weight[1], transposedReference);
+}
+
+// The columns of this layer do not fit into one piece: 32·16 rows of 128·128 windows.
+TEST(Conv, InPieces) {
+    Case c{{2, 32, 130, 130}, {1, 32, 4, 4}, 1, 1};
+    Values in = {{"x", random(c.x, 1)},
+                 {"weight", random(c.weight, 2)},
+                 {"stride", {{}, {1}}},
+                 {"padding", {{}, {1}}}};
+    auto run = [&](const char* op, const Value& x, const Value& weight, const Value& dy) {
+        Npz arrays;
+        arrays.set("x", Array::f64(x.shape, x.data));
+        arrays.set("weight", Array::f64(weight.shape, weight.data));
+        arrays.set("grad_y", Array::f64(dy.shape, dy.data));
+        arrays.set("attr_stride", Array::scalarF64(1));
+        arrays.set("attr_padding", Array::scalarF64(1));
+        return Op::find(op)->run(testDevice(), arrays, {.reuseMemory = false, .poison = true});
+    };
+    Value y = convReference(in).at("y"), dy = random(y.shape, 3);
+    Value dx =
+        transposedReference(
+            {{"x", dy}, {"weight", in.at("weight")}, {"stride", {{}, {1}}}, {"padding", {{}, {1}}}})
+            .at("y");
+    Value dw{c.weight, std::vector<double>(in.at("weight").data.size())};
+    forEachProduct(c.x, c.weight, 1, 1, [&](size_t i, size_t k, size_t o) {
+        dw.data[k] += in.at("x").data[i] * dy.data[o];
+    });
+    Npz out = run("conv2d", in.at("x"), in.at("weight"), dy);
+    EXPECT_LE(relativeError(out.at("y").toF64(), y.data, 1e-6), 2e-5);
+    EXPECT_LE(relativeError(out.at("grad_x").toF64(), dx.data, 1e-6), 2e-5);
+    EXPECT_LE(relativeError(out.at("grad_weight").toF64(), dw.data, 1e-6), 2e-5);
+    // The transposed convolution of dy is dx; its gradient is the convolution.
+    Npz back = run("conv_transpose2d", dy, in.at("weight"), in.at("x"));
+    EXPECT_LE(relativeError(back.at("y").toF64(), dx.data, 1e-6), 2e-5);
+    EXPECT_LE(relativeError(back.at("grad_x").toF64(), y.data, 1e-6), 2e-5);
+    EXPECT_LE(relativeError(back.at("grad_weight").toF64(), dw.data, 1e-6), 2e-5);
+}
+
+Value normalise(const Values& v, bool training) {
+    const Value& x = v.at("x");
+    size_t N = size(x, 0), C = size(x, 1), P = size(x, 2) * size(x, 3);
+    Value y = x;
+    for (size_t c = 0; c < C; ++c) {
+        double mean = 0, variance = 0;
+        auto each = [&](auto f) {
+            for (size_t n = 0; n < N; ++n)
+                for (size_t p = 0; p < P; ++p) f((n * C + c) * P + p);
+        };
+        each([&](size_t i) { mean += x.data[i] / double(N * P); });
+        each([&](size_t i) { variance += std::pow(x.data[i] - mean, 2) / double(N * P); });
+        if (!training) {
+            mean = v.at("running_mean").data[c];
+            variance = v.at("running_variance").data[c];
+        }
+        each([&](size_t i) {
+            y.data[i] = (x.data[i] - mean) / std::sqrt(variance + v.at("eps").data[0]) *
+                            v.at("weight").data[c] +
+                        v.at("bias").data[c];
+        });
+    }
+    return y;
+}
+
+TEST(Conv, BatchNorm2d) {
+    for (Shape shape : {Shape{5, 1, 1, 1}, Shape{1, 13, 7, 1}, Shape{3, 2, 5, 127}}) {
+        int64_t C = shape[1];
+        Values inputs = {
+            {"x", random(shape, 1)}, {"weight", random({C}, 2)}, {"bias", random({C}, 3)}};
+        // Far from zero, where a mean of squares would lose the variance.
+        for (double& x : inputs.at("x").data) x += 10;
+        checkOp("batch_norm2d", {.inputs = inputs,
+                                 .attributes = {{"eps", 1e-5}},
+                                 .reference = [](const Values& v) -> Values {
+                                     return {{"y", normalise(v, true)}};
+                                 },
+                                 .forwardTolerance = 1e-4});
+        for (double& x : inputs.at("x").data) x -= 10;
+        inputs["running_mean"] = random({C}, 4);
+        inputs["running_variance"] = uniform({C}, 0.5, 2, 5);
+        checkOp("batch_norm2d_evaluation", {.inputs = inputs,
+                                            .attributes = {{"eps", 1e-5}},
+                                            .reference = [](const Values& v) -> Values {
+                                                return {{"y", normalise(v, false)}};
+                                            }});
+    }
+}
+
+TEST(Conv, RunningStatisticsFollowTheBatches) {
+    // One channel, mean 3 and variance 2 (biased) of [1, 3, 3, 5]: unbiased 8/3.
+    Buffer memory = testDevice().allocate(32, Memory::Device);
+    std::vector<float> start{1, 0, 0, 0, 2, 0, 0, 0};
+    testDevice().upload({&memory, 0, 32}, std::as_bytes(std::span(start)));
+    Graph graph(testDevice());
+    Tensor x = graph.input({2, 1, 1, 2}), w = graph.input({1}), b = graph.input({1});
+    RunningStatistics running{graph.attach({&memory, 0, 4}, {1}),
+                              graph.attach({&memory, 16, 4}, {1})};
+    graph.output(batchNorm2d(graph, x, w, b, 1e-5f, running, 0.1f));
+    graph.compile({.poison = true});
+    graph.write(x, std::vector<float>{1, 3, 3, 5});
+    graph.write(w, std::vector<float>{1});
+    double mean = 1, variance = 2;
+    for (int step = 0; step < 3; ++step) {
+        graph.run();
+        mean = 0.9 * mean + 0.1 * 3;
+        variance = 0.9 * variance + 0.1 * 8 / 3;
+        testDevice().download({&memory, 0, 32}, std::as_writable_bytes(std::span(start)));
+        EXPECT_NEAR(start[0], mean, 1e-6);
+        EXPECT_NEAR(start[4], variance, 1e-6);
+    }
+}
+
+TEST(Conv, Refusals) {
+    auto run = [](const char* op, Shape x, Shape weight, double stride, double padding) {
+        Npz in;
+        in.set("x", Array::f32(x, std::vector<float>(size_t(elementCount(x)))));
+        in.set("weight", Array::f32(weight, std::vector<float>(size_t(elementCount(weight)))));
+        in.set("attr_stride", Array::scalarF64(stride));
+        in.set("attr_padding", Array::scalarF64(padding));
+        Op::find(op)->run(testDevice(), in, {});
+    };
+    expectInputError(
+        [&] {
+            run("conv2d", {1, 1, 2, 2}, {1, 1, 4, 4}, 1, 0);
+        },
+        "a kernel of 4x4 is larger than the padded image of 2x2");
+    expectInputError([&] { run("conv2d", {1, 1, 2, 2}, {1, 1, 1, 1}, 0, 0); }, "attr_stride");
+    expectInputError(
+        [&] {
+            run("conv_transpose2d", {1, 1, 1, 1}, {1, 1, 2, 2}, 1, 1);
+        },
+        "attr_padding: 1 leaves nothing");
+}
+
+}  // namespace
+}  // namespace doppel
