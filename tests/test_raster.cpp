@@ -337,6 +337,7 @@ TEST(SoftSilhouette, ManyFaces) {
     sphere(12, test.inputs, test.integers);
     test.reference = softSilhouetteReference();
     test.differenceStep = 1e-6;
+    test.samples = 24;
     checkOp("soft_silhouette", test);
 }
 
