@@ -20,13 +20,12 @@ void visitFields(P& preset, Visit visit) {
     constexpr double kMany = 1e9;
     auto& f = preset.fit;
     visit("fit.size", f.size, 16, 4096);
-    visit("fit.batch", f.batch, 1, 256);
-    visit("fit.steps", f.steps, 0, kMany);
+    visit("fit.passes", f.passes, 0, kMany);
+    visit("fit.sigmaStart", f.sigmaStart, 1e-9, 1);
     visit("fit.sigma", f.sigma, 1e-9, 1);
-    visit("fit.blurRadius", f.blurRadius, 0, 1);
     visit("fit.lrTheta", f.lrTheta, 0, 10);
-    visit("fit.lrTrans", f.lrTrans, 0, 10);
     visit("fit.lrBeta", f.lrBeta, 0, 10);
+    visit("fit.constantPart", f.constantPart, 0, 1);
     visit("fit.priorTheta", f.priorTheta, 0, kMany);
     visit("fit.smoothTheta", f.smoothTheta, 0, kMany);
     visit("fit.priorBeta", f.priorBeta, 0, kMany);
@@ -105,7 +104,6 @@ Preset presetByName(std::string_view name) {
     Preset preset;  // the declarations' values are the paper's
     preset.name = name;
     if (name == "paper") {
-        preset.fit.steps = 600;
         return preset;
     }
     // What the authors' program adds makes short runs steadier.
@@ -124,9 +122,7 @@ Preset presetByName(std::string_view name) {
         return preset;
     }
     if (name == "ci") {
-        preset.fit.size = 128;
-        preset.fit.steps = 120;
-        preset.mesh.size = 128;
+        preset.fit.passes = 40;
         preset.mesh.blocks = 2;
         preset.mesh.layers = 3;
         preset.mesh.hidden = 32;

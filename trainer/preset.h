@@ -15,12 +15,13 @@ namespace doppel {
 
 // Shape, poses and positions refined by gradient descent through lbs and soft_silhouette.
 struct FitPreset {
-    int size = 256;                               // side of the crops, pixels
-    int batch = 8;                                // frames per step
-    int steps = 300;                              // over all frames
-    double sigma = 1e-4, blurRadius = 9.2103e-4;  // squared NDC
-    double lrTheta = 5e-3, lrTrans = 2e-3, lrBeta = 2e-2;
-    double priorTheta = 1, smoothTheta = 1, priorBeta = 1, keypoints = 1;  // weights
+    int size = 256;                          // side of the crops, pixels
+    int passes = 100;                        // over the frames; a step takes one frame
+    double sigmaStart = 1e-4, sigma = 1e-5;  // squared NDC: the silhouette's rim, at first and last
+    double lrTheta = 1e-2;                   // rad per step and joint; translations follow
+    double lrBeta = 6e-2;                    // standard deviations per step
+    double constantPart = .5;                // of the steps at full rate; then linear to zero
+    double priorTheta = .002, smoothTheta = .02, priorBeta = 1e-5, keypoints = .1;  // weights
 };
 
 // Stage 1: the mesh refinement network G_m.

@@ -1,0 +1,40 @@
+// Avatars in motion: cameras, backgrounds, films.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "trainer/avatar.h"
+#include "trainer/capture.h"
+
+namespace doppel {
+
+// One picture to draw: a pose in camera space and the camera.
+struct Shot {
+    Theta theta;
+    Trans trans;
+    Camera camera;
+};
+
+// A standing pose with the arms away from the body, in front of a camera that sees all of it.
+Shot restShot(Device& device, const Avatar& avatar, int size);
+
+// The same with the camera having gone around the body by so many turns.
+Shot turned(const Shot& shot, double turns);
+
+// A motion through its own cameras; its poses are shown by the avatar's body as they are.
+// InputError where it has none.
+std::vector<Shot> throughOwnCameras(const Motion& motion);
+
+// Draws shots into FILE.mp4 or into a folder of PNGs (0000.png, …), which appear when all is done.
+// background: per shot, [H,W,3] in [0,1]. Calls interrupted() between pictures.
+void renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>& shots,
+                 const std::function<std::vector<float>(size_t)>& background,
+                 const std::filesystem::path& out, double fps, const std::string& what);
+
+// A picture of one colour, "#rrggbb".
+std::vector<float> plainBackground(const std::string& colour, const Camera& camera);
+
+}  // namespace doppel
