@@ -1,5 +1,6 @@
 #include "nn/raster.h"
 
+#include <algorithm>
 #include <cstring>
 
 #include "nn/op.h"
@@ -26,8 +27,9 @@ Tensor paddedTriples(Graph& graph, std::span<const int32_t> triples, int64_t lim
         padded.push_back(triples[i]);
         if (i % 3 == 2) padded.push_back(0);
     }
+    if (padded.empty()) padded.resize(4);  // a descriptor is never of nothing
     return graph.constant(std::span<const int32_t>(padded),
-                          {static_cast<int64_t>(triples.size() / 3), 4});
+                          {static_cast<int64_t>(padded.size() / 4), 4});
 }
 
 // Vertices in the picture: [V,4].
@@ -63,7 +65,8 @@ RasterMesh rasterMesh(Graph& graph, std::span<const int32_t> faces, int64_t vert
     mesh.vertices = vertices;
     mesh.faces = static_cast<int64_t>(faces.size() / 3);
     mesh.faceVertices = paddedTriples(graph, faces, vertices, what, "a vertex");
-    std::vector<int32_t> start(static_cast<size_t>(vertices) + 1), corners(faces.size());
+    std::vector<int32_t> start(static_cast<size_t>(vertices) + 1);
+    std::vector<int32_t> corners(std::max<size_t>(faces.size(), 1));
     for (int32_t v : faces) ++start[static_cast<size_t>(v) + 1];
     for (size_t v = 0; v < static_cast<size_t>(vertices); ++v) start[v + 1] += start[v];
     std::vector<int32_t> next(start.begin(), start.end() - 1);
@@ -71,7 +74,8 @@ RasterMesh rasterMesh(Graph& graph, std::span<const int32_t> faces, int64_t vert
         corners[static_cast<size_t>(next[static_cast<size_t>(faces[i])]++)] =
             static_cast<int32_t>(i);
     mesh.cornerStart = graph.constant(std::span<const int32_t>(start), {vertices + 1});
-    mesh.corners = graph.constant(std::span<const int32_t>(corners), {3 * mesh.faces});
+    mesh.corners =
+        graph.constant(std::span<const int32_t>(corners), {static_cast<int64_t>(corners.size())});
     return mesh;
 }
 
@@ -125,7 +129,7 @@ Tensor softSilhouette(Graph& graph, const RasterMesh& mesh, const Tensor& verts,
 
     graph.differentiate({verts}, {silhouette}, [=, &graph] {
         Tensor weight = graph.temporary({height, width});
-        Tensor dCorners = graph.temporary({3 * mesh.faces, 2});
+        Tensor dCorners = graph.temporary({mesh.corners.dim(0), 2});
         graph.dispatch("raster/soft_silhouette.weigh",
                        {{"dSilhouette", graph.gradient(silhouette)},
                         {"transmittance", transmittance},
@@ -264,7 +268,8 @@ Tensor texturedRender(Graph& graph, const VisibilityBuffer& visibility, const Ra
 Tensor visibilityMap(Graph& graph, const RasterMesh& mesh, const Tensor& verts,
                      const RasterAtlas& atlas, int64_t size, const RasterOptions& options) {
     CHECK(verts.shape == (Shape{mesh.vertices, 3}), "verts is [{},3]", mesh.vertices);
-    CHECK(atlas.faceCorners.dim(0) == mesh.faces, "the atlas has the mesh's {} faces", mesh.faces);
+    CHECK(atlas.faceCorners.shape == mesh.faceVertices.shape, "the atlas has the mesh's {} faces",
+          mesh.faces);
     CHECK(size > 0 && size <= 16384, "a visibility map of size {} is drawn", size);
     VisibilityMapParams params{u32(mesh.faces), u32(size), options.largeBox};
     Tensor visibility = graph.temporary({size, size});

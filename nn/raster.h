@@ -16,7 +16,7 @@ namespace doppel {
 // A mesh's faces on the device; made once per graph and used by any number of renders.
 struct RasterMesh {
     int64_t vertices = 0, faces = 0;
-    Tensor faceVertices;  // [F,4] v0, v1, v2, 0
+    Tensor faceVertices;  // [F,4] v0, v1, v2, 0; one row of zeros where there are no faces
     Tensor cornerStart;   // [V+1] where a vertex's corners start in
     Tensor corners;       // [3F] face*3 + corner, by vertex
 };
