@@ -11,21 +11,6 @@ namespace {
 
 uint32_t count(const Tensor& x) { return static_cast<uint32_t>(x.elements()); }
 
-// y = f(x); backward from x and dy.
-template <typename Params>
-Tensor mapOfX(Graph& graph, const char* name, const Tensor& x, const char* forward,
-              const char* backward, const Params& params) {
-    Tensor y = graph.temporary(x.shape);
-    graph.beginOp(name);
-    graph.dispatch(forward, {{"x", x}, {"y", y}}, params, count(x));
-    graph.differentiate({x}, {y}, [=, &graph] {
-        Tensor dx = graph.gradientTarget(x);
-        graph.dispatch(backward, {{"x", x}, {"dy", graph.gradient(y)}, {"dx", dx}}, params,
-                       count(x));
-    });
-    return y;
-}
-
 // y = f(x); backward from y and dy, so that x need not be kept.
 Tensor mapOfY(Graph& graph, const char* name, const Tensor& x, const char* forward,
               const char* backward) {
@@ -43,15 +28,28 @@ Tensor mapOfY(Graph& graph, const char* name, const Tensor& x, const char* forwa
 
 }  // namespace
 
+namespace {
+// The sign of y is that of x, so that x need not be kept.
+Tensor rectify(Graph& graph, const char* name, const Tensor& x, float slope) {
+    Tensor y = graph.temporary(x.shape);
+    LeakyReluParams params{count(x), slope};
+    graph.beginOp(name);
+    graph.dispatch("elementwise/leaky_relu.forward", {{"x", x}, {"y", y}}, params, count(x));
+    graph.differentiate({x}, {y}, [=, &graph] {
+        Tensor dx = graph.gradientTarget(x);
+        graph.dispatch("elementwise/leaky_relu.backward",
+                       {{"y", y}, {"dy", graph.gradient(y)}, {"dx", dx}}, params, count(x));
+    });
+    return y;
+}
+}  // namespace
+
 Tensor leakyRelu(Graph& graph, const Tensor& x, float slope) {
-    return mapOfX(graph, "leaky_relu", x, "elementwise/leaky_relu.forward",
-                  "elementwise/leaky_relu.backward", LeakyReluParams{count(x), slope});
+    CHECK(slope >= 0, "the slope {} is not negative", slope);
+    return rectify(graph, "leaky_relu", x, slope);
 }
 
-Tensor relu(Graph& graph, const Tensor& x) {
-    return mapOfX(graph, "relu", x, "elementwise/leaky_relu.forward",
-                  "elementwise/leaky_relu.backward", LeakyReluParams{count(x), 0});
-}
+Tensor relu(Graph& graph, const Tensor& x) { return rectify(graph, "relu", x, 0); }
 
 Tensor tanh(Graph& graph, const Tensor& x) {
     return mapOfY(graph, "tanh", x, "elementwise/tanh.forward", "elementwise/tanh.backward");
@@ -76,8 +74,16 @@ Tensor scaleShift(Graph& graph, const Tensor& x, float scale, float shift) {
 }
 
 Tensor clamp(Graph& graph, const Tensor& x, float low, float high) {
-    return mapOfX(graph, "clamp", x, "elementwise/clamp.forward", "elementwise/clamp.backward",
-                  ClampParams{count(x), low, high});
+    Tensor y = graph.temporary(x.shape);
+    ClampParams params{count(x), low, high};
+    graph.beginOp("clamp");
+    graph.dispatch("elementwise/clamp.forward", {{"x", x}, {"y", y}}, params, count(x));
+    graph.differentiate({x}, {y}, [=, &graph] {
+        Tensor dx = graph.gradientTarget(x);
+        graph.dispatch("elementwise/clamp.backward",
+                       {{"x", x}, {"dy", graph.gradient(y)}, {"dx", dx}}, params, count(x));
+    });
+    return y;
 }
 
 Tensor add(Graph& graph, const Tensor& a, const Tensor& b) {
@@ -131,7 +137,9 @@ Tensor concat(Graph& graph, const Tensor& a, const Tensor& b, int axis) {
         }
     }
     Tensor y = graph.temporary(shape);
-    ConcatParams params{count(y), static_cast<uint32_t>(innerA), static_cast<uint32_t>(innerB)};
+    CHECK(y.elements() < (int64_t{1} << 31), "{} has less than 2^31 elements", toString(shape));
+    ConcatParams params{count(y), static_cast<uint32_t>(innerA), static_cast<uint32_t>(innerB),
+                        divisorOf(uint64_t(innerA + innerB))};
     graph.beginOp("concat");
     graph.dispatch("elementwise/concat.forward", {{"a", a}, {"b", b}, {"y", y}}, params, count(y));
     graph.differentiate({a, b}, {y}, [=, &graph] {
@@ -139,11 +147,13 @@ Tensor concat(Graph& graph, const Tensor& a, const Tensor& b, int axis) {
         ConcatParams part = params;
         if (graph.wantsGradient(a)) {
             part.n = count(a);
+            part.byInner = divisorOf(uint64_t(innerA));
             graph.dispatch("elementwise/concat.backward_a",
                            {{"dy", dy}, {"da", graph.gradientTarget(a)}}, part, part.n);
         }
         if (graph.wantsGradient(b)) {
             part.n = count(b);
+            part.byInner = divisorOf(uint64_t(innerB));
             graph.dispatch("elementwise/concat.backward_b",
                            {{"dy", dy}, {"db", graph.gradientTarget(b)}}, part, part.n);
         }
@@ -208,7 +218,12 @@ static const Op kLeakyRelu{{
     .attributes = "slope",
     .outputs = "y",
     .differentiable = "x",
-    .build = [](OpCall& c) { c.result("y", leakyRelu(c.graph, c["x"], c.f("slope"))); },
+    .build =
+        [](OpCall& c) {
+            if (c.attribute("slope") < 0)
+                throwInput("attr_slope: expected 0 or more, found {}", c.attribute("slope"));
+            c.result("y", leakyRelu(c.graph, c["x"], c.f("slope")));
+        },
 }};
 static const Op kRelu{{
     .name = "relu",

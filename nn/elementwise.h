@@ -5,7 +5,7 @@
 
 namespace doppel {
 
-// y = x where x > 0, slope * x elsewhere. Gradient to x.
+// y = x where x > 0, slope * x elsewhere, slope >= 0. Gradient to x.
 Tensor leakyRelu(Graph& graph, const Tensor& x, float slope);
 // y = max(x, 0). Gradient to x, none at 0.
 Tensor relu(Graph& graph, const Tensor& x);

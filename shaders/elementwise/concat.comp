@@ -13,23 +13,23 @@ BUFFER(5, writeonly, float, db);  // [outer, innerB]
 ENTRY(forward) {
     uint i = linearIndex();
     if (i >= params.n) return;
-    uint inner = params.innerA + params.innerB, row = i / inner, column = i % inner;
+    uint row = quotient(i, params.byInner), column = remainder(i, row, params.byInner);
+    float v;
     if (column < params.innerA)
-        y.d[i] = a.d[row * params.innerA + column];
+        v = a.d[row * params.innerA + column];
     else
-        y.d[i] = b.d[row * params.innerB + column - params.innerA];
+        v = b.d[row * params.innerB + column - params.innerA];
+    y.d[i] = v;
 }
 
-// n counts the elements of da, of db.
 ENTRY(backward_a) {
     uint i = linearIndex();
     if (i >= params.n) return;
-    da.d[i] = dy.d[i / params.innerA * (params.innerA + params.innerB) + i % params.innerA];
+    da.d[i] = dy.d[i + quotient(i, params.byInner) * params.innerB];
 }
 
 ENTRY(backward_b) {
     uint i = linearIndex();
     if (i >= params.n) return;
-    db.d[i] = dy.d[i / params.innerB * (params.innerA + params.innerB) + params.innerA +
-                   i % params.innerB];
+    db.d[i] = dy.d[i + (quotient(i, params.byInner) + 1) * params.innerA];
 }

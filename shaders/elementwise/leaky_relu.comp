@@ -4,7 +4,7 @@
 #include "elementwise/params.h"
 PARAMS(LeakyReluParams, 4)
 BUFFER(0, readonly, float, x);    // [n]
-BUFFER(1, writeonly, float, y);   // [n]
+BUFFER(1, readwrite, float, y);   // [n]
 BUFFER(2, readonly, float, dy);   // [n]
 BUFFER(3, writeonly, float, dx);  // [n]
 
@@ -18,5 +18,5 @@ ENTRY(forward) {
 ENTRY(backward) {
     uint i = linearIndex();
     if (i >= params.n) return;
-    dx.d[i] = x.d[i] > 0 ? dy.d[i] : params.slope * dy.d[i];
+    dx.d[i] = y.d[i] > 0 ? dy.d[i] : params.slope * dy.d[i];
 }

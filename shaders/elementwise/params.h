@@ -1,5 +1,6 @@
 #ifndef ELEMENTWISE_PARAMS_H
 #define ELEMENTWISE_PARAMS_H
+#include "common/divide.h"
 #include "common/shared.h"
 SHARED_BEGIN
 struct LeakyReluParams {
@@ -21,8 +22,9 @@ struct ClampParams {
     float low, high;
 };
 struct ConcatParams {
-    uint n;               // elements of y
+    uint n;               // elements of y; backward: of da or db
     uint innerA, innerB;  // y[outer, innerA + innerB]
+    Divisor byInner;      // innerA + innerB; backward: innerA or innerB
 };
 struct DropoutParams {
     uint n;

@@ -1,0 +1,120 @@
+#include "nn/texture_unet.h"
+
+#include <algorithm>
+
+#include "nn/conv.h"
+#include "nn/elementwise.h"
+#include "nn/initialise.h"
+
+namespace doppel {
+
+namespace {
+constexpr int64_t kKernel = 4;
+constexpr uint32_t kStride = 2, kPadding = 1;
+constexpr float kDeviation = 0.02f, kSlope = 0.2f, kDropout = 0.5f;
+
+std::string numbered(const char* what, int64_t i) { return fmt::format("{}{}", what, i); }
+}  // namespace
+
+TextureUnet::TextureUnet(const TextureUnetConfig& config, std::string name, uint32_t seed)
+    : config_(config), name_(std::move(name)) {
+    TextureUnetConfig& c = config_;
+    if (c.downs == 0)
+        while ((int64_t{1} << c.downs) < c.size) ++c.downs;
+    if (c.downs < 2 || c.downs > 16 || c.size % (int64_t{1} << c.downs) != 0)
+        throwInput("texture network: {} steps down do not divide a size of {}; use a power of two",
+                   c.downs, c.size);
+    if (c.width < 1 || c.inputChannels < 1 || c.outputChannels < 1)
+        throwInput("texture network: width {} and channels {}, {} must be positive", c.width,
+                   c.inputChannels, c.outputChannels);
+    int64_t n = c.downs;
+    for (int64_t i = 1; i <= n; ++i) {
+        int64_t in = i == 1 ? c.inputChannels : features(i - 1);
+        declare(numbered("enc", i), {features(i), in, kKernel, kKernel}, i > 1 && i < n,
+                features(i), seed);
+    }
+    for (int64_t j = 1; j <= n; ++j) {
+        int64_t in = j == 1 ? features(n) : 2 * features(n + 1 - j);
+        int64_t out = j == n ? c.outputChannels : features(n - j);
+        declare(numbered("dec", j), {in, out, kKernel, kKernel}, j < n, out, seed);
+    }
+}
+
+int64_t TextureUnet::features(int64_t step) const {
+    return config_.width * (int64_t{1} << std::min<int64_t>(step - 1, 3));
+}
+
+void TextureUnet::declare(const std::string& layer, Shape weight, bool normalised, int64_t out,
+                          uint32_t seed) {
+    auto normal = [&](const std::string& parameter, const Shape& shape, float mean) {
+        parameters_.add(
+            parameter, shape,
+            normalValues(seed, name_ + "." + parameter, elementCount(shape), mean, kDeviation));
+    };
+    normal(layer + ".weight", weight, 0);
+    if (!normalised) {
+        parameters_.add(layer + ".bias", {out}, constantValues(out, 0));
+        return;
+    }
+    normal(layer + "_bn.weight", {out}, 1);
+    parameters_.add(layer + "_bn.bias", {out}, constantValues(out, 0));
+    statistics_.add(layer + "_bn.running_mean", {out}, constantValues(out, 0));
+    statistics_.add(layer + "_bn.running_var", {out}, constantValues(out, 1));
+}
+
+void TextureUnet::allocate(Device& device) {
+    parameters_.allocate(device);
+    statistics_.allocate(device);
+}
+
+Tensor TextureUnet::normalise(Graph& graph, const Tensor& x, const std::string& layer,
+                              Mode mode) const {
+    auto attached = [&](const std::string& what) {
+        const Parameters::Entry* entry = statistics_.find(layer + what);
+        CHECK(entry, "{} has running statistics", layer);
+        return graph.attach(statistics_.view(*entry, Parameters::kValues), entry->shape);
+    };
+    RunningStatistics running{attached("_bn.running_mean"), attached("_bn.running_var")};
+    Tensor weight = graph.parameter(parameters_, layer + "_bn.weight");
+    Tensor bias = graph.parameter(parameters_, layer + "_bn.bias");
+    constexpr float kEpsilon = 1e-5f;
+    return mode.training ? batchNorm2d(graph, x, weight, bias, kEpsilon, running)
+                         : batchNorm2dEvaluation(graph, x, weight, bias, running, kEpsilon);
+}
+
+Tensor TextureUnet::forward(Graph& graph, const Tensor& x, Mode mode) const {
+    const TextureUnetConfig& c = config_;
+    CHECK((x.shape == Shape{x.dim(0), c.inputChannels, c.size, c.size}),
+          "the network takes [N,{},{},{}], not {}", c.inputChannels, c.size, c.size,
+          toString(x.shape));
+    int64_t n = c.downs;
+    auto weight = [&](const std::string& layer) {
+        return graph.parameter(parameters_, layer + ".weight");
+    };
+    auto bias = [&](const std::string& layer) {
+        return parameters_.find(layer + ".bias") ? graph.parameter(parameters_, layer + ".bias")
+                                                 : Tensor{};
+    };
+    std::vector<Tensor> encoded;
+    Tensor h = x;
+    for (int64_t i = 1; i <= n; ++i) {
+        std::string layer = numbered("enc", i);
+        if (i > 1) h = leakyRelu(graph, h, kSlope);
+        h = conv2d(graph, h, weight(layer), bias(layer), kStride, kPadding);
+        if (i > 1 && i < n) h = normalise(graph, h, layer, mode);
+        encoded.push_back(h);
+    }
+    for (int64_t j = 1; j <= n; ++j) {
+        std::string layer = numbered("dec", j);
+        if (j > 1) h = concat(graph, h, encoded[size_t(n - j)]);
+        h = relu(graph, h);
+        h = convTranspose2d(graph, h, weight(layer), bias(layer), kStride, kPadding);
+        if (j == n) break;
+        h = normalise(graph, h, layer, mode);
+        if (mode.dropout && j >= 2 && j <= 5)
+            h = dropout(graph, h, kDropout, streamOf(name_ + "." + layer));
+    }
+    return tanh(graph, h);
+}
+
+}  // namespace doppel
