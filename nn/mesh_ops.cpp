@@ -30,44 +30,6 @@ MeshTensors meshOf(OpCall& c) {
     return meshTensors(c.graph, meshTopology(c.ints("faces"), vertices, "faces"));
 }
 
-// Both products of a graph convolution at once: z[V,2O] = [x weight0^T + bias0, x weight1^T +
-// bias1]. x may have more columns than the weights; these are left out.
-Tensor ownAndNeighbours(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency,
-                        const GraphConvWeights& w) {
-    int64_t I = w.weight0.dim(1), O = w.weight0.dim(0), row = x.dim(1);
-    CHECK(x.dim(0) == adjacency.vertexCount && row >= I, "x {} has the weights' {} columns",
-          toString(x.shape), I);
-    CHECK(w.weight1.shape == w.weight0.shape && w.bias0.elements() == O && w.bias1.elements() == O,
-          "both weights have the same shape {}", toString(w.weight0.shape));
-    StackParams params{static_cast<uint32_t>(O), static_cast<uint32_t>(I),
-                       static_cast<uint32_t>(row)};
-    Tensor weight = graph.temporary({2 * O, row}), bias = graph.temporary({2 * O});
-    graph.beginOp("graph_conv.weights");
-    graph.dispatch("mesh/stack.forward",
-                   {{"weight0", w.weight0},
-                    {"bias0", w.bias0},
-                    {"weight1", w.weight1},
-                    {"bias1", w.bias1},
-                    {"weight", weight},
-                    {"bias", bias}},
-                   params, static_cast<uint64_t>(weight.elements()));
-    graph.differentiate({w.weight0, w.bias0, w.weight1, w.bias1}, {weight, bias}, [=, &graph] {
-        auto target = [&](const Tensor& input) {
-            return graph.wantsGradient(input) ? graph.gradientTarget(input)
-                                              : graph.temporary(input.shape);
-        };
-        graph.dispatch("mesh/stack.backward",
-                       {{"dweight", graph.gradient(weight)},
-                        {"dbias", graph.gradient(bias)},
-                        {"dweight0", target(w.weight0)},
-                        {"dbias0", target(w.bias0)},
-                        {"dweight1", target(w.weight1)},
-                        {"dbias1", target(w.bias1)}},
-                       params, static_cast<uint64_t>(O * I));
-    });
-    return linear(graph, x, weight, bias);
-}
-
 // y[V,O] = z's first O columns + sum of the neighbours' last O columns. With a tail [V,3]: ReLU,
 // and the tail and zeros behind it, y[V,rowWithTail(O)].
 Tensor aggregate(Graph& graph, const Tensor& z, const AdjacencyTensors& adjacency,
@@ -229,15 +191,50 @@ Tensor offsetClamp(Graph& graph, const Tensor& verts, const Tensor& offset, cons
     return y;
 }
 
+GraphConvWeights graphConvWeights(Graph& graph, const Tensor& weight0, const Tensor& bias0,
+                                  const Tensor& weight1, const Tensor& bias1, int64_t row) {
+    int64_t O = weight0.dim(0), I = weight0.dim(1);
+    CHECK(row >= I, "rows of {} numbers have the weights' {} columns", row, I);
+    CHECK(weight1.shape == weight0.shape && bias0.elements() == O && bias1.elements() == O,
+          "both weights have the same shape {}", toString(weight0.shape));
+    StackParams params{static_cast<uint32_t>(O), static_cast<uint32_t>(I),
+                       static_cast<uint32_t>(row)};
+    Tensor weight = graph.temporary({2 * O, row}), bias = graph.temporary({2 * O});
+    graph.beginOp("graph_conv.weights");
+    graph.dispatch("mesh/stack.forward",
+                   {{"weight0", weight0},
+                    {"bias0", bias0},
+                    {"weight1", weight1},
+                    {"bias1", bias1},
+                    {"weight", weight},
+                    {"bias", bias}},
+                   params, static_cast<uint64_t>(weight.elements()));
+    graph.differentiate({weight0, bias0, weight1, bias1}, {weight, bias}, [=, &graph] {
+        auto target = [&](const Tensor& input) {
+            return graph.wantsGradient(input) ? graph.gradientTarget(input)
+                                              : graph.temporary(input.shape);
+        };
+        graph.dispatch("mesh/stack.backward",
+                       {{"dweight", graph.gradient(weight)},
+                        {"dbias", graph.gradient(bias)},
+                        {"dweight0", target(weight0)},
+                        {"dbias0", target(bias0)},
+                        {"dweight1", target(weight1)},
+                        {"dbias1", target(bias1)}},
+                       params, static_cast<uint64_t>(O * I));
+    });
+    return {weight, bias};
+}
+
 Tensor graphConv(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency,
                  const GraphConvWeights& weights) {
-    Tensor z = ownAndNeighbours(graph, x, adjacency, weights);
+    Tensor z = linear(graph, x, weights.weight, weights.bias);
     return aggregate(graph, z, adjacency, {}, false);
 }
 
 Tensor graphConvLayer(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency,
                       const GraphConvWeights& weights, const Tensor& tail) {
-    Tensor z = ownAndNeighbours(graph, x, adjacency, weights);
+    Tensor z = linear(graph, x, weights.weight, weights.bias);
     return aggregate(graph, z, adjacency, tail, true);
 }
 
@@ -250,8 +247,8 @@ Tensor withTail(Graph& graph, const Tensor& x, int64_t columns, const Tensor& ta
                            static_cast<uint32_t>(rowWithTail(columns))};
     Tensor y = graph.temporary({vertices, params.row});
     graph.beginOp("with_tail");
-    graph.dispatch("mesh/tail.replace", {{"x", x ? x : tail}, {"tail", tail}, {"y", y}},
-                   params, uint64_t{vertices} * params.row);
+    graph.dispatch("mesh/tail.replace", {{"x", x ? x : tail}, {"tail", tail}, {"y", y}}, params,
+                   uint64_t{vertices} * params.row);
     graph.differentiate({x, tail}, {y}, [=, &graph] {
         Tensor dy = graph.gradient(y);
         if (x && graph.wantsGradient(x))
@@ -298,8 +295,9 @@ static const Op kGraphConv{{
     .build =
         [](OpCall& c) {
             Adjacency edges = adjacency(c.ints("edges"), c["x"].dim(0), "graph_conv: edges");
-            c.result("y", graphConv(c.graph, c["x"], adjacencyTensors(c.graph, edges),
-                                    {c["weight0"], c["bias0"], c["weight1"], c["bias1"]}));
+            GraphConvWeights weights = graphConvWeights(c.graph, c["weight0"], c["bias0"],
+                                                        c["weight1"], c["bias1"], c["x"].dim(1));
+            c.result("y", graphConv(c.graph, c["x"], adjacencyTensors(c.graph, edges), weights));
         },
 }};
 
@@ -315,8 +313,9 @@ static const Op kGraphConvLayer{{
                 throwInput("graph_conv_layer: x has {} columns; expected weight0's {} or more",
                            c["x"].dim(1), c["weight0"].dim(1));
             Adjacency edges = adjacency(c.ints("edges"), c["x"].dim(0), "graph_conv_layer: edges");
-            c.result("y", graphConvLayer(c.graph, c["x"], adjacencyTensors(c.graph, edges),
-                                         {c["weight0"], c["bias0"], c["weight1"], c["bias1"]},
+            GraphConvWeights weights = graphConvWeights(c.graph, c["weight0"], c["bias0"],
+                                                        c["weight1"], c["bias1"], c["x"].dim(1));
+            c.result("y", graphConvLayer(c.graph, c["x"], adjacencyTensors(c.graph, edges), weights,
                                          c["tail"]));
         },
 }};

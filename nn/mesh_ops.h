@@ -24,13 +24,18 @@ Tensor normalConsistencyLoss(Graph& graph, const Tensor& verts, const MeshTensor
 // Gradients to verts and to offset, zero where |offset| >= limit.
 Tensor offsetClamp(Graph& graph, const Tensor& verts, const Tensor& offset, const Tensor& limit);
 
-// Of a graph convolution: weight0, weight1 [O,I], bias0, bias1 [O].
+// Of a graph convolution, both products one above the other: weight [2O,row], bias [2O].
 struct GraphConvWeights {
-    Tensor weight0, bias0, weight1, bias1;
+    Tensor weight, bias;
 };
+// From weight0, weight1 [O,I], bias0, bias1 [O], for x with rows of `row` numbers, I or more; the
+// columns of x behind I are left out. Gradients to the four. Made once, used by any number of
+// convolutions.
+GraphConvWeights graphConvWeights(Graph& graph, const Tensor& weight0, const Tensor& bias0,
+                                  const Tensor& weight1, const Tensor& bias1, int64_t row);
 
 // y_i = weight0 x_i + bias0 + sum over the neighbours j of i of (weight1 x_j + bias1): bias1 counts
-// once per neighbour. x [V,I], result [V,O]. Gradients to x and the weights.
+// once per neighbour. x [V,row], result [V,O]. Gradients to x and the weights.
 Tensor graphConv(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency,
                  const GraphConvWeights& weights);
 
@@ -38,9 +43,8 @@ Tensor graphConv(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacenc
 // read faster.
 constexpr int64_t rowWithTail(int64_t features) { return (features + 3 + 3) / 4 * 4; }
 
-// A layer of the mesh refinement, y = [ReLU(graphConv(x)), tail, zeros]: x [V,I or more; the
-// columns behind I are left out], tail [V,3], result [V,rowWithTail(O)]. Gradients to x, the tail
-// and the weights.
+// A layer of the mesh refinement, y = [ReLU(graphConv(x)), tail, zeros]: x [V,row], tail [V,3],
+// result [V,rowWithTail(O)]. Gradients to x, the tail and the weights.
 Tensor graphConvLayer(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency,
                       const GraphConvWeights& weights, const Tensor& tail);
 

@@ -1,0 +1,108 @@
+#include "nn/mesh_net.h"
+
+#include <cmath>
+#include <numbers>
+
+#include "nn/elementwise.h"
+#include "nn/linalg.h"
+
+namespace doppel {
+
+namespace {
+
+constexpr float kWeightDeviation = 0.01f;
+
+std::string layerName(int block, int layer) {
+    return fmt::format("mesh.block{}.layer{}.", block, layer);
+}
+std::string offsetName(int block) { return fmt::format("mesh.block{}.offset.", block); }
+
+int64_t inputsOf(const MeshNetConfig& config, int block, int layer) {
+    return block == 0 && layer == 0 ? 3 : config.hidden + 3;
+}
+
+// splitmix64: a counter's hash.
+uint64_t hash(uint64_t x) {
+    x += 0x9e3779b97f4a7c15;
+    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9;
+    x = (x ^ (x >> 27)) * 0x94d049bb133111eb;
+    return x ^ (x >> 31);
+}
+
+// n normal numbers that depend on the seed and the name alone (Box-Muller).
+std::vector<float> normalValues(uint64_t seed, const std::string& name, int64_t n,
+                                double deviation) {
+    uint64_t state = hash(seed);
+    for (char c : name) state = hash(state ^ static_cast<unsigned char>(c));
+    auto uniform = [&] { return static_cast<double>((state = hash(state)) >> 11) * 0x1p-53; };
+    std::vector<float> values;
+    while (static_cast<int64_t>(values.size()) < n) {
+        double radius = deviation * std::sqrt(-2 * std::log(1 - uniform()));
+        double angle = 2 * std::numbers::pi * uniform();
+        values.push_back(static_cast<float>(radius * std::cos(angle)));
+        values.push_back(static_cast<float>(radius * std::sin(angle)));
+    }
+    values.resize(static_cast<size_t>(n));
+    return values;
+}
+
+}  // namespace
+
+void addMeshNetParameters(Parameters& parameters, const MeshNetConfig& config, uint64_t seed) {
+    int64_t O = config.hidden;
+    auto zeros = [](int64_t n) { return std::vector<float>(static_cast<size_t>(n)); };
+    for (int b = 0; b < config.blocks; ++b) {
+        for (int l = 0; l < config.layers; ++l) {
+            int64_t I = inputsOf(config, b, l);
+            for (const char* which : {"0", "1"}) {
+                std::string weight = layerName(b, l) + "weight" + which;
+                parameters.add(weight, {O, I}, normalValues(seed, weight, O * I, kWeightDeviation));
+                parameters.add(layerName(b, l) + "bias" + which, {O}, zeros(O));
+            }
+        }
+        parameters.add(offsetName(b) + "weight", {3, O + 3}, zeros(3 * (O + 3)));
+        parameters.add(offsetName(b) + "bias", {3}, zeros(3));
+    }
+}
+
+MeshNet::MeshNet(Graph& graph, const Parameters& parameters, const MeshNetConfig& config,
+                 const MeshTensors& mesh, const Tensor& limit)
+    : graph_(graph), mesh_(mesh), limit_(limit), hidden_(config.hidden) {
+    int64_t row = rowWithTail(hidden_), padding = row - (hidden_ + 3);
+    auto get = [&](const std::string& name) { return graph.parameter(parameters, name); };
+    for (int b = 0; b < config.blocks; ++b) {
+        Block block;
+        for (int l = 0; l < config.layers; ++l) {
+            std::string name = layerName(b, l);
+            block.layers.push_back(graphConvWeights(
+                graph, get(name + "weight0"), get(name + "bias0"), get(name + "weight1"),
+                get(name + "bias1"), b == 0 && l == 0 ? rowWithTail(0) : row));
+        }
+        block.offsetWeight = get(offsetName(b) + "weight");
+        if (padding > 0) {
+            std::vector<float> zeros(static_cast<size_t>(3 * padding));
+            block.offsetWeight =
+                concat(graph, block.offsetWeight, graph.constant(zeros, {3, padding}), 1);
+        }
+        block.offsetBias = get(offsetName(b) + "bias");
+        blocks_.push_back(std::move(block));
+    }
+}
+
+std::vector<Tensor> MeshNet::refine(const Tensor& verts) const {
+    std::vector<Tensor> meshes;
+    Tensor moved = verts, features;  // features [V,row], the normals of the block before behind
+    for (const Block& block : blocks_) {
+        Tensor normals = vertexNormals(graph_, moved, mesh_);
+        features = withTail(graph_, features, features ? hidden_ : 0, normals);
+        for (const GraphConvWeights& layer : block.layers)
+            features = graphConvLayer(graph_, features, mesh_.adjacency, layer, normals);
+        Tensor offset =
+            tanh(graph_, linear(graph_, features, block.offsetWeight, block.offsetBias));
+        moved = offsetClamp(graph_, moved, offset, limit_);
+        meshes.push_back(moved);
+    }
+    return meshes;
+}
+
+}  // namespace doppel
