@@ -1,9 +1,7 @@
 #include "nn/mesh_net.h"
 
-#include <cmath>
-#include <numbers>
-
 #include "nn/elementwise.h"
+#include "nn/initialise.h"
 #include "nn/linalg.h"
 
 namespace doppel {
@@ -21,47 +19,22 @@ int64_t inputsOf(const MeshNetConfig& config, int block, int layer) {
     return block == 0 && layer == 0 ? 3 : config.hidden + 3;
 }
 
-// splitmix64: a counter's hash.
-uint64_t hash(uint64_t x) {
-    x += 0x9e3779b97f4a7c15;
-    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9;
-    x = (x ^ (x >> 27)) * 0x94d049bb133111eb;
-    return x ^ (x >> 31);
-}
-
-// n normal numbers that depend on the seed and the name alone (Box-Muller).
-std::vector<float> normalValues(uint64_t seed, const std::string& name, int64_t n,
-                                double deviation) {
-    uint64_t state = hash(seed);
-    for (char c : name) state = hash(state ^ static_cast<unsigned char>(c));
-    auto uniform = [&] { return static_cast<double>((state = hash(state)) >> 11) * 0x1p-53; };
-    std::vector<float> values;
-    while (static_cast<int64_t>(values.size()) < n) {
-        double radius = deviation * std::sqrt(-2 * std::log(1 - uniform()));
-        double angle = 2 * std::numbers::pi * uniform();
-        values.push_back(static_cast<float>(radius * std::cos(angle)));
-        values.push_back(static_cast<float>(radius * std::sin(angle)));
-    }
-    values.resize(static_cast<size_t>(n));
-    return values;
-}
-
 }  // namespace
 
-void addMeshNetParameters(Parameters& parameters, const MeshNetConfig& config, uint64_t seed) {
+void addMeshNetParameters(Parameters& parameters, const MeshNetConfig& config, uint32_t seed) {
     int64_t O = config.hidden;
-    auto zeros = [](int64_t n) { return std::vector<float>(static_cast<size_t>(n)); };
     for (int b = 0; b < config.blocks; ++b) {
         for (int l = 0; l < config.layers; ++l) {
             int64_t I = inputsOf(config, b, l);
             for (const char* which : {"0", "1"}) {
                 std::string weight = layerName(b, l) + "weight" + which;
-                parameters.add(weight, {O, I}, normalValues(seed, weight, O * I, kWeightDeviation));
-                parameters.add(layerName(b, l) + "bias" + which, {O}, zeros(O));
+                parameters.add(weight, {O, I},
+                               normalValues(seed, weight, O * I, 0, kWeightDeviation));
+                parameters.add(layerName(b, l) + "bias" + which, {O}, constantValues(O, 0));
             }
         }
-        parameters.add(offsetName(b) + "weight", {3, O + 3}, zeros(3 * (O + 3)));
-        parameters.add(offsetName(b) + "bias", {3}, zeros(3));
+        parameters.add(offsetName(b) + "weight", {3, O + 3}, constantValues(3 * (O + 3), 0));
+        parameters.add(offsetName(b) + "bias", {3}, constantValues(3, 0));
     }
 }
 

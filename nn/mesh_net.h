@@ -25,7 +25,7 @@ struct MeshNetConfig {
 // "mesh.block<b>.offset.{weight, bias}". A layer's weights [hidden, inputs] take the features
 // first, then the normal's three numbers; a first layer has no features in block 0. Weights of
 // layers are drawn from N(0, 0.01), all else is zero, so that an untrained network moves nothing.
-void addMeshNetParameters(Parameters& parameters, const MeshNetConfig& config, uint64_t seed);
+void addMeshNetParameters(Parameters& parameters, const MeshNetConfig& config, uint32_t seed);
 
 class MeshNet {
 public:

@@ -16,8 +16,9 @@ struct Refined {
 
 // Refines verts with the given weights and sends the gradient back.
 Refined run(const MeshNetConfig& config, const std::vector<float>& verts,
-        const std::vector<int32_t>& faces, const std::vector<float>& limit,
-        const std::vector<float>& upstream, const std::function<void(Parameters&)>& setWeights) {
+            const std::vector<int32_t>& faces, const std::vector<float>& limit,
+            const std::vector<float>& upstream,
+            const std::function<void(Parameters&)>& setWeights) {
     Parameters parameters;
     addMeshNetParameters(parameters, config, 1);
     parameters.allocate(testDevice());
@@ -49,14 +50,14 @@ std::vector<double> toDouble(const std::vector<float>& values) {
 TEST(MeshNet, MatchesTheAuthorsHead) {
     Npz golden = readNpz(DOPPEL_SOURCE_DIR "/tests/data/mesh_net_ico1.npz");
     Refined got = run({.blocks = 2, .layers = 2, .hidden = 16}, golden.at("verts").toF32(),
-                  golden.at("faces").toI32(), golden.at("limit").toF32(),
-                  golden.at("grad_out").toF32(), [&](Parameters& parameters) {
-                      for (const Parameters::Entry& entry : parameters.entries()) {
-                          const Array& value = golden.at(entry.name);
-                          ASSERT_EQ(value.shape, entry.shape) << entry.name;
-                          parameters.write(entry, value.toF32());
-                      }
-                  });
+                      golden.at("faces").toI32(), golden.at("limit").toF32(),
+                      golden.at("grad_out").toF32(), [&](Parameters& parameters) {
+                          for (const Parameters::Entry& entry : parameters.entries()) {
+                              const Array& value = golden.at(entry.name);
+                              ASSERT_EQ(value.shape, entry.shape) << entry.name;
+                              parameters.write(entry, value.toF32());
+                          }
+                      });
     auto near = [&](const std::vector<float>& values, const std::string& expected) {
         EXPECT_LE(relativeError(toDouble(values), golden.at(expected).toF64(), 1e-12), 1e-4)
             << expected;
@@ -74,7 +75,7 @@ const std::vector<float> kVerts = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 1, 1, 
 
 TEST(MeshNet, UntrainedMovesNothing) {
     Refined got = run({.blocks = 3, .layers = 2, .hidden = 5}, kVerts, kFaces,
-                  std::vector<float>(6, 0.1f), std::vector<float>(18, 1), [](Parameters&) {});
+                      std::vector<float>(6, 0.1f), std::vector<float>(18, 1), [](Parameters&) {});
     EXPECT_EQ(got.out, kVerts);
     double offsets = 0, layers = 0;
     for (const auto& [name, gradient] : got.parameterGradients)
@@ -109,7 +110,7 @@ TEST(MeshNet, LimitsHold) {
 }
 
 TEST(MeshNet, InitialWeights) {
-    auto values = [](uint64_t seed) {
+    auto values = [](uint32_t seed) {
         Parameters parameters;
         addMeshNetParameters(parameters, {}, seed);
         EXPECT_EQ(parameters.entries().size(), 3u * (6 * 4 + 2));
