@@ -16,6 +16,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/io/safetensors.h"
 #include "nn/body.h"
 #include "nn/graph.h"
 #include "trainer/body_render.h"
@@ -24,7 +25,7 @@
 
 namespace doppel {
 
-using WeightMap = std::map<std::string, Array>;  // float32 arrays by parameter name
+using WeightMap = std::map<std::string, Tensor32>;  // by parameter name
 
 struct Avatar {
     BodyModel body;

@@ -685,6 +685,14 @@ Motion readMotion(const fs::path& path) {
     return motion;
 }
 
+Motion throughCameras(Motion motion, const fs::path& path) {
+    Cameras cameras = readCameras(path, motion.size());
+    for (size_t f = 0; f < motion.size(); ++f)
+        movePose(cameras.extrinsics[f], motion.theta[f], motion.trans[f]);
+    motion.cameras = std::move(cameras.cameras);
+    return motion;
+}
+
 // ---- selection ----------------------------------------------------------------------------------
 
 std::vector<size_t> selectFrames(std::string_view text, size_t count, std::string_view what) {
@@ -847,6 +855,22 @@ Crop crop(const Picture& picture, const Camera& camera, const CropBox& box, int 
 
 // ---- writing ------------------------------------------------------------------------------------
 
+Npz posesArrays(std::span<const Theta> theta, std::span<const Trans> trans, const Betas& betas) {
+    const auto frames = static_cast<int64_t>(theta.size());
+    std::vector<float> orient, body, transl;
+    for (size_t f = 0; f < theta.size(); ++f) {
+        orient.insert(orient.end(), theta[f].begin(), theta[f].begin() + 3);
+        body.insert(body.end(), theta[f].begin() + 3, theta[f].end());
+        transl.insert(transl.end(), trans[f].begin(), trans[f].end());
+    }
+    Npz poses;
+    poses.set("betas", Array::f32({10}, betas));
+    poses.set("global_orient", Array::f32({frames, 3}, orient));
+    poses.set("body_pose", Array::f32({frames, 69}, body));
+    poses.set("transl", Array::f32({frames, 3}, transl));
+    return poses;
+}
+
 CaptureWriter::CaptureWriter(const fs::path& folder) : output_(folder, "capture.toml") {}
 
 void CaptureWriter::copyImage(const std::string& name, const fs::path& file) {
@@ -924,18 +948,8 @@ Capture CaptureWriter::commit(const Capture& capture) {
     cameras.set("extrinsic", Array::f64({4, 4}, identity));
     writeNpz(folder / "cameras.npz", cameras, false);
 
-    Npz poses;
-    std::vector<float> orient, body, transl;
-    for (size_t f = 0; f < frames; ++f) {
-        orient.insert(orient.end(), capture.theta[f].begin(), capture.theta[f].begin() + 3);
-        body.insert(body.end(), capture.theta[f].begin() + 3, capture.theta[f].end());
-        transl.insert(transl.end(), capture.trans[f].begin(), capture.trans[f].end());
-    }
-    poses.set("betas", Array::f32({10}, capture.betas));
-    poses.set("global_orient", Array::f32({all, 3}, orient));
-    poses.set("body_pose", Array::f32({all, 69}, body));
-    poses.set("transl", Array::f32({all, 3}, transl));
-    writeNpz(folder / "poses.npz", poses, false);
+    writeNpz(folder / "poses.npz", posesArrays(capture.theta, capture.trans, capture.betas),
+             false);
 
     toml::table notes;
     notes.insert("name", capture.name);

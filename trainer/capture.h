@@ -31,6 +31,7 @@
 #include <utility>
 #include <vector>
 
+#include "engine/npz.h"
 #include "trainer/output_folder.h"
 
 namespace doppel {
@@ -113,6 +114,10 @@ struct Motion {
 
 // A capture's folder, or a poses.npz (betas may be missing there; a 0-d `fps` is believed).
 Motion readMotion(const std::filesystem::path& path);
+
+// The motion seen by the cameras of a cameras.npz (one for all frames, or one per frame), into whose
+// space its poses are moved; they are taken to be in that file's world.
+Motion throughCameras(Motion motion, const std::filesystem::path& cameras);
 
 // Frame numbers, ascending and each once: "a:b" (from a up to but not b), "a:", ":b", "a:b:step",
 // "a" (one frame), and lists of these with commas. Negative numbers count from the end. Empty text:
@@ -201,6 +206,9 @@ private:
     OutputFolder output_;
     std::map<std::string, std::filesystem::path> images_, masks_;  // relative to the folder
 };
+
+// What poses.npz holds.
+Npz posesArrays(std::span<const Theta> theta, std::span<const Trans> trans, const Betas& betas);
 
 // The capture with its pictures copied to another folder (which may be its own).
 Capture writeCapture(const Capture& capture, const std::filesystem::path& folder);

@@ -298,6 +298,9 @@ struct CommandLine {
                      "Seconds between pictures of the state; 0: none")
             ->capture_default_str()
             ->check(CLI::NonNegativeNumber);
+        c.add_option("--profile", train.profileSteps,
+                     "Run so many steps of each stage, print memory and time per op, keep nothing")
+            ->check(CLI::Range(1, 1000));
         c.add_option("--memory", train.memoryBudget,
                      "Device memory to use at most (6GB, 512MB); default: what the device has")
             ->transform(CLI::AsSizeValue(false));

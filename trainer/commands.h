@@ -49,6 +49,7 @@ struct TrainOptions {
     bool resume = false;         // from the checkpoint in the avatar's folder
     double pictureSeconds = 60;  // a picture of the state this often; 0: none
     uint64_t memoryBudget = 0;   // bytes for the graph's temporaries; 0: what the device has
+    int profileSteps = 0;        // > 0: time so many steps of each stage per op, and keep nothing
 };
 
 struct RenderOptions {

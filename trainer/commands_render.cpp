@@ -1,8 +1,80 @@
-#include "engine/error.h"
+#include <algorithm>
+#include <iostream>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "trainer/background.h"
 #include "trainer/commands.h"
+#include "trainer/rendering.h"
 
 namespace doppel {
 
-void runRender(const RenderOptions&) { throwMachine("render: not there yet"); }
+namespace {
+
+// The same view with `size` pixels on the longer side.
+Camera scaled(Camera camera, int size) {
+    if (size == 0) return camera;
+    double scale = static_cast<double>(size) / std::max(camera.width, camera.height);
+    camera.width = std::max(1, static_cast<int>(camera.width * scale + 0.5));
+    camera.height = std::max(1, static_cast<int>(camera.height * scale + 0.5));
+    camera.fx *= scale, camera.fy *= scale, camera.cx *= scale, camera.cy *= scale;
+    return camera;
+}
+
+}  // namespace
+
+void runRender(const RenderOptions& options) {
+    Avatar avatar = readAvatar(options.avatar);
+    if (avatar.texture.empty())
+        throwInput("{}: it has no texture yet; train stage texture first", options.avatar.string());
+    Motion motion = readMotion(options.motion);
+    motion = motion.subset(selectFrames(options.frames, motion.size()));
+    Device device({.name = options.common.device});
+
+    std::vector<Shot> shots;
+    if (options.camera == "capture") {
+        shots = throughOwnCameras(motion);
+    } else if (options.camera == "turntable") {
+        // The motion goes on, on the spot, while the camera goes round.
+        Shot shot = restShot(device, avatar, options.size > 0 ? options.size : 512);
+        for (size_t i = 0; i < motion.size(); ++i) {
+            shot.theta = motion.theta[i];
+            shots.push_back(
+                turned(shot, static_cast<double>(i) / static_cast<double>(motion.size())));
+        }
+    } else {
+        motion = throughCameras(motion, options.camera);
+        shots = throughOwnCameras(motion);
+    }
+    for (Shot& shot : shots) shot.camera = scaled(shot.camera, options.size);
+
+    std::function<std::vector<float>(size_t)> background = [&](size_t i) {
+        return plainBackground(options.background, shots[i].camera);
+    };
+    std::optional<Capture> capture;
+    std::unique_ptr<FrameCache> frames;
+    std::unique_ptr<BackgroundPlate> plate;
+    if (options.background == "capture") {
+        bool ownCameras = options.camera == "capture" && options.size == 0;
+        bool pictures = std::filesystem::is_directory(options.motion / "images");
+        if (!ownCameras || !pictures) {
+            background = [&](size_t i) { return plainBackground("#7f7f7f", shots[i].camera); };
+        } else {
+            capture = readCapture(options.motion);
+            capture = capture->subset(selectFrames(options.frames, capture->size()));
+            frames = std::make_unique<FrameCache>(*capture);
+            plate = std::make_unique<BackgroundPlate>(*capture, *frames);
+            background = [&](size_t i) { return plate->behind(*frames->load(i)); };
+        }
+    }
+    double fps = options.fps > 0 ? options.fps : motion.fps > 0 ? motion.fps : 25;
+    renderShots(device, avatar, shots, background, options.out, fps, "render");
+    if (options.common.json)
+        std::cout << nlohmann::ordered_json{{"frames", shots.size()}, {"out", options.out.string()}}
+                         .dump(2)
+                  << "\n";
+    else
+        fmt::print("{} frames in {}\n", shots.size(), options.out.string());
+}
 
 }  // namespace doppel

@@ -49,22 +49,6 @@ std::array<float, 3> studioColour(double u, double v) {
     return {float(.62 * fade), float(.66 * fade), float(.70 * fade)};
 }
 
-Npz posesNpz(const std::vector<Theta>& theta, const std::vector<Trans>& trans) {
-    auto count = static_cast<int64_t>(theta.size());
-    std::vector<float> orient, body, transl;
-    for (size_t i = 0; i < theta.size(); ++i) {
-        orient.insert(orient.end(), theta[i].begin(), theta[i].begin() + 3);
-        body.insert(body.end(), theta[i].begin() + 3, theta[i].end());
-        transl.insert(transl.end(), trans[i].begin(), trans[i].end());
-    }
-    Npz npz;
-    npz.set("betas", Array::f32({10}, std::vector<float>(10)));
-    npz.set("global_orient", Array::f32({count, 3}, orient));
-    npz.set("body_pose", Array::f32({count, 69}, body));
-    npz.set("transl", Array::f32({count, 3}, transl));
-    return npz;
-}
-
 }  // namespace
 
 std::filesystem::path assetFolder() {
@@ -143,7 +127,7 @@ Capture renderActor(Device& device, const Actor& actor, const std::vector<Motion
         capture.theta.push_back(theta);
         capture.trans.push_back(trans);
     }
-    writeNpz(writer.folder() / "truth.npz", posesNpz(trueTheta, trueTrans), true);
+    writeNpz(writer.folder() / "truth.npz", posesArrays(trueTheta, trueTrans, {}), true);
     return writer.commit(capture);
 }
 

@@ -1,0 +1,220 @@
+#include "trainer/avatar.h"
+
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+
+#include "engine/atomic_file.h"
+#include "engine/io/image.h"
+#include "engine/io/pickle.h"
+#include "engine/io/safetensors.h"
+#include "nn/lbs.h"
+#include "trainer/checkpoint.h"
+#include "trainer/networks.h"
+#include "trainer/output_folder.h"
+#include "trainer/sheet.h"
+#include "trainer/synthetic.h"
+#include "trainer/version.h"
+
+namespace doppel {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+WeightMap readNetwork(const fs::path& path) {
+    if (!fs::exists(path)) return {};
+    return readSafetensors(path).tensors;
+}
+
+void writeNetwork(const fs::path& path, const WeightMap& weights) {
+    if (weights.empty()) return;
+    Safetensors file;
+    file.tensors = weights;
+    file.metadata["format"] = "doppel";
+    writeSafetensors(path, file);
+}
+
+toml::table parseToml(const fs::path& path) {
+    std::vector<uint8_t> bytes = readWholeFile(path, uint64_t{1} << 20);
+    std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+    try {
+        return toml::parse(text, path.string());
+    } catch (const toml::parse_error& error) {
+        throwInput("{}: line {}: not TOML: {}", path.string(), error.source().begin.line,
+                   error.description());
+    }
+}
+
+}  // namespace
+
+Npz readBodyArrays(const std::string& body) {
+    if (body == "default" || body == "default-full")
+        return readNpz(assetFolder() / "body" / (body + ".npz"));
+    fs::path path(body);
+    if (path.extension() == ".npz") return readNpz(path);
+    if (path.extension() != ".pkl")
+        throwInput("--body: expected default, default-full, an .npz or a .pkl file, found \"{}\"",
+                   body);
+    // SMPL's own file: a dict of arrays.
+    PickleValue file = readPickle(path);
+    Npz arrays;
+    arrays.file = path.string();
+    for (const char* name :
+         {"v_template", "f", "shapedirs", "posedirs", "weights", "J_regressor", "kintree_table"})
+        if (auto value = file.find(name)) arrays.set(name, value->asArray());
+    return arrays;
+}
+
+void writeAvatar(const fs::path& folder, const Avatar& avatar) {
+    createFolders(folder);
+    Npz body = avatar.bodyArrays;
+    body.set("betas", Array::f32({10}, avatar.betas));
+    writeNpz(folder / "body.npz", body, true);
+    writeNetwork(folder / "mesh_net.safetensors", avatar.meshNet);
+    writeNetwork(folder / "texture_net.safetensors", avatar.textureNet);
+    if (!avatar.texture.empty())
+        writeImage(folder / "texture.png",
+                   toImage(avatar.texture, avatar.textureSize, avatar.textureSize));
+
+    toml::table source, preset;
+    for (const auto& [key, value] : avatar.provenance) source.insert(key, value);
+    for (const auto& [key, value] : presetValues(avatar.preset)) preset.insert(key, value);
+    toml::table table{{"doppel", kVersion},
+                      {"vertices", avatar.body.vertexCount},
+                      {"texture_size", avatar.textureSize},
+                      {"preset", avatar.preset.name},
+                      {"source", source},
+                      {"numbers", preset}};
+    std::ostringstream text;
+    text << table << "\n";
+    AtomicFile file(folder / "avatar.toml");
+    file.write(text.str());
+    file.commit();
+}
+
+Avatar readAvatar(const fs::path& folder) {
+    if (!fs::exists(folder / "avatar.toml"))
+        throwInput("{}: expected an avatar's folder with an avatar.toml, found none",
+                   folder.string());
+    fs::path path = folder / "avatar.toml";
+    toml::table table = parseToml(path);
+    Avatar avatar;
+    avatar.bodyArrays = readNpz(folder / "body.npz");
+    avatar.body = bodyFromNpz(avatar.bodyArrays);
+    std::vector<float> betas = avatar.bodyArrays.at("betas").requireShape({10}).toF32();
+    std::ranges::copy(betas, avatar.betas.begin());
+    for (float beta : betas)
+        if (!std::isfinite(beta))
+            throwInput("{}: betas: expected finite numbers, found {}",
+                       (folder / "body.npz").string(), beta);
+    avatar.preset = presetByName("paper");
+    avatar.preset.name = table["preset"].value_or(std::string("paper"));
+    if (const toml::table* numbers = table["numbers"].as_table())
+        for (const auto& [key, value] : *numbers)
+            setPresetValue(avatar.preset, key.str(), value.value_or(std::string()), path.string());
+    if (const toml::table* source = table["source"].as_table())
+        for (const auto& [key, value] : *source)
+            avatar.provenance[std::string(key.str())] = value.value_or(std::string());
+    avatar.meshNet = readNetwork(folder / "mesh_net.safetensors");
+    avatar.textureNet = readNetwork(folder / "texture_net.safetensors");
+    if (fs::exists(folder / "texture.png")) {
+        Image image = readImage(folder / "texture.png", 3);
+        if (image.width != image.height)
+            throwInput("{}: expected a square texture, found {}×{}",
+                       (folder / "texture.png").string(), image.width, image.height);
+        avatar.textureSize = image.width;
+        for (uint8_t byte : image.data) avatar.texture.push_back(static_cast<float>(byte) / 255.0f);
+    }
+    return avatar;
+}
+
+// ---- posing and drawing -------------------------------------------------------------------------
+
+struct AvatarRenderer::MeshRecording {
+    Graph graph;
+    Parameters net;
+    Tensor theta, trans, verts;
+
+    MeshRecording(Device& device, const Avatar& avatar, bool refined) : graph(device) {
+        const BodyModel& body = avatar.body;
+        theta = graph.input({72});
+        trans = graph.input({3});
+        Tensor beta = graph.constant(std::span<const float>(avatar.betas), {10});
+        Tensor rest =
+            graph.constant(std::span<const float>(body.templateVertices), {body.vertexCount, 3});
+        LbsModel skin = lbsModel(graph, body);
+        if (refined && !avatar.meshNet.empty()) {
+            declareMeshNet(net, avatar, 0);
+            net.allocate(device);
+            loadWeights(net, avatar.meshNet, "mesh_net.safetensors");
+            MeshNetwork network = meshNetwork(graph, avatar, net);
+            verts = network.refine(skin, rest, beta, theta, trans);
+        } else {
+            verts = lbs(graph, skin, rest, theta, beta, trans).verts;
+        }
+        graph.output(verts);
+        graph.compile();
+    }
+};
+
+// The texture network painting what faces the camera.
+struct AvatarRenderer::TextureRecording {
+    TextureNet net;
+    Graph graph;
+    Tensor verts, texture;
+
+    TextureRecording(Device& device, const Avatar& avatar)
+        : net(device, avatar.preset.texture, avatar.textureNet), graph(device) {
+        const BodyModel& body = avatar.body;
+        verts = graph.input({body.vertexCount, 3});
+        RasterMesh mesh = rasterMesh(graph, body.faces, body.vertexCount);
+        Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
+        RasterAtlas atlas = rasterAtlas(graph, uvs, body.uvFaces);
+        Tensor map = visibilityMap(graph, mesh, verts, atlas, avatar.textureSize);
+        texture = net.forward(graph, {map}, false).at(0);
+        graph.output(texture);
+        graph.compile();
+    }
+};
+
+AvatarRenderer::AvatarRenderer(Device& device, const Avatar& avatar, bool refined)
+    : device_(device),
+      avatar_(avatar),
+      mesh_(std::make_unique<MeshRecording>(device, avatar, refined)),
+      drawer_(device, avatar.body) {
+    if (!avatar.textureNet.empty() && !avatar.preset.texture.constantInput)
+        textureRecording_ = std::make_unique<TextureRecording>(device, avatar);
+}
+
+AvatarRenderer::~AvatarRenderer() = default;
+
+std::vector<float> AvatarRenderer::vertices(const Theta& theta, const Trans& trans) {
+    mesh_->graph.write(mesh_->theta, std::span<const float>(theta));
+    mesh_->graph.write(mesh_->trans, std::span<const float>(trans));
+    mesh_->graph.run();
+    return mesh_->graph.read<float>(mesh_->verts);
+}
+
+const std::vector<float>& AvatarRenderer::texture(std::span<const float> verts) {
+    if (!textureRecording_) return avatar_.texture;
+    textureRecording_->graph.write(textureRecording_->verts, verts);
+    textureRecording_->graph.run();
+    texture_ = textureRecording_->graph.read<float>(textureRecording_->texture);
+    return texture_;
+}
+
+Drawing AvatarRenderer::draw(const Theta& theta, const Trans& trans, const Camera& camera,
+                             int samples) {
+    std::vector<float> verts = vertices(theta, trans);
+    return drawer_.draw(verts, camera, texture(verts), avatar_.textureSize, samples);
+}
+
+std::vector<uint8_t> AvatarRenderer::mask(const Theta& theta, const Trans& trans,
+                                          const Camera& camera) {
+    return drawer_.mask(vertices(theta, trans), camera);
+}
+
+}  // namespace doppel

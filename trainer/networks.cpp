@@ -1,0 +1,207 @@
+#include "trainer/networks.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <map>
+
+#include "engine/io/image.h"
+#include "nn/elementwise.h"
+#include "nn/texture_layout.h"
+#include "trainer/checkpoint.h"
+#include "trainer/sheet.h"
+
+namespace doppel {
+
+namespace {
+
+MeshNetConfig meshNetConfig(const MeshPreset& preset) {
+    return {.blocks = preset.blocks, .layers = preset.layers, .hidden = preset.hidden};
+}
+
+TextureUnetConfig unetConfig(const TexturePreset& preset) {
+    TextureUnetConfig config;
+    config.size = preset.textureSize;
+    config.width = preset.width;
+    config.downs = preset.depth;
+    return config;
+}
+
+double secondsNow() {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch())
+        .count();
+}
+
+}  // namespace
+
+// ---- stage 1 ------------------------------------------------------------------------------------
+
+void declareMeshNet(Parameters& parameters, const Avatar& avatar, uint64_t seed) {
+    addMeshNetParameters(parameters, meshNetConfig(avatar.preset.mesh), seed);
+}
+
+MeshNetwork meshNetwork(Graph& graph, const Avatar& avatar, const Parameters& parameters) {
+    const MeshPreset& preset = avatar.preset.mesh;
+    MeshTensors mesh = meshTensors(
+        graph, meshTopology(avatar.body.faces, avatar.body.vertexCount, avatar.body.file));
+    std::vector<float> bounds = clampBounds(
+        avatar.body, preset.clamps == "program" ? ClampBounds::Program : ClampBounds::Paper);
+    Tensor limit = graph.constant(std::span<const float>(bounds), {avatar.body.vertexCount});
+    std::vector<float> pose(72, 1.0f), zeros(3, 0.0f);
+    std::fill_n(pose.begin(), 3, 0.0f);
+    return {&graph, mesh, MeshNet(graph, parameters, meshNetConfig(preset), mesh, limit),
+            graph.constant(std::span<const float>(pose), {72}),
+            graph.constant(std::span<const float>(zeros), {3})};
+}
+
+Tensor MeshNetwork::refine(const LbsModel& skin, const Tensor& rest, const Tensor& beta,
+                           const Tensor& theta, const Tensor& trans) const {
+    PosedBody posed = lbs(*graph, skin, rest, multiply(*graph, theta, bodyPose), beta, origin);
+    Tensor refined = net.refine(posed.verts).back();
+    return rigidTransform(*graph, refined, theta.slice(0, 3),
+                          posed.joints.slice(0, 1).reshaped({3}), trans);
+}
+
+// ---- stage 2 ------------------------------------------------------------------------------------
+
+TextureNet::TextureNet(Device& device, const TexturePreset& preset, uint64_t seed)
+    : preset_(preset), unet_(unetConfig(preset), "texture", static_cast<uint32_t>(seed)) {
+    unet_.allocate(device);
+}
+
+TextureNet::TextureNet(Device& device, const TexturePreset& preset, const WeightMap& weights)
+    : TextureNet(device, preset, 0) {
+    loadWeights(unet_.parameters(), weights, "texture_net.safetensors");
+    loadWeights(unet_.statistics(), weights, "texture_net.safetensors");
+}
+
+WeightMap TextureNet::weights() const {
+    WeightMap all = readWeights(unet_.parameters());
+    all.merge(readWeights(unet_.statistics()));
+    return all;
+}
+
+std::vector<Tensor> TextureNet::forward(Graph& graph, const std::vector<Tensor>& maps,
+                                        bool training) const {
+    int64_t size = preset_.textureSize;
+    Tensor x;
+    for (const Tensor& map : maps) {
+        Tensor one = map.reshaped({1, 1, size, size});
+        x = x ? concat(graph, x, one, 0) : one;
+    }
+    if (!x) {
+        std::vector<float> ones(static_cast<size_t>(size * size), 1.0f);
+        x = graph.constant(std::span<const float>(ones), {1, 1, size, size});
+    }
+    TextureUnet::Mode mode{training, training && preset_.dropout > 0};
+    return interleave(graph, scaleShift(graph, unet_.forward(graph, x, mode), 0.5f, 0.5f));
+}
+
+void paintTexture(Device& device, Avatar& avatar) {
+    TextureNet net(device, avatar.preset.texture, avatar.textureNet);
+    Graph graph(device);
+    Tensor texture = net.forward(graph, {}, false).at(0);
+    graph.output(texture);
+    graph.compile();
+    graph.run();
+    avatar.textureSize = avatar.preset.texture.textureSize;
+    avatar.texture = graph.read<float>(texture);
+}
+
+// ---- what the stages share ----------------------------------------------------------------------
+
+AdamWOptions adamwOptions(double beta1, double beta2, double weightDecay) {
+    AdamWOptions options;
+    options.beta1 = static_cast<float>(beta1);
+    options.beta2 = static_cast<float>(beta2);
+    options.weightDecay = static_cast<float>(weightDecay);
+    return options;
+}
+
+StepParams stepParams(int64_t i, uint64_t seed, double rate, const AdamWOptions& options) {
+    StepParams params =
+        adamwStepParams(static_cast<uint32_t>(i + 1), static_cast<float>(rate), options);
+    params.seed = static_cast<uint32_t>(seed);
+    return params;
+}
+
+double readLoss(Graph& graph, const Tensor& loss, const char* stage, int64_t step) {
+    double value = static_cast<double>(graph.readScalar(loss));
+    if (!std::isfinite(value))
+        throwMachine("stage {}: a loss became {} at step {}; a lower learning rate may help", stage,
+                     value, step + 1);
+    return value;
+}
+
+void printPlan(const char* stage, const Graph& graph, const Parameters& parameters) {
+    auto mib = [](uint64_t bytes) { return static_cast<double>(bytes) / (1 << 20); };
+    fmt::print(
+        "stage {}: {} dispatches; parameters with gradients and moments {:.1f} MiB, "
+        "activations {:.1f} MiB planned ({:.1f} MiB without reuse)\n",
+        stage, graph.dispatchCount(), mib(parameters.elements() * 4 * Parameters::kSectionCount),
+        mib(graph.temporaryBytes()), mib(graph.unsharedBytes()));
+}
+
+void printProfile(const char* stage, Graph& graph) {
+    struct Sum {
+        int count = 0;
+        double mib = 0, gflop = 0, milliseconds = 0;
+    };
+    std::map<std::string, Sum> sums;
+    Sum all;
+    for (const OpProfile& op : graph.profile())
+        for (Sum* sum : {&sums[op.name], &all}) {
+            sum->count += 1;
+            sum->mib += static_cast<double>(op.bytes) / (1 << 20);
+            sum->gflop += op.flops * 1e-9;
+            sum->milliseconds += op.milliseconds;
+        }
+    std::vector<std::pair<std::string, Sum>> rows(sums.begin(), sums.end());
+    std::ranges::sort(rows, [](const auto& a, const auto& b) {
+        return a.second.milliseconds > b.second.milliseconds;
+    });
+    rows.emplace_back("all", all);
+    fmt::print("{:<36} {:>6} {:>10} {:>9} {:>10}\n", std::string("stage ") + stage, "ops", "MiB",
+               "GFLOP", "ms");
+    for (const auto& [name, sum] : rows)
+        fmt::print("{:<36} {:>6} {:>10.1f} {:>9.2f} {:>10.2f}\n", name, sum.count, sum.mib,
+                   sum.gflop, sum.milliseconds);
+}
+
+PictureClock::PictureClock(double seconds) : seconds_(seconds), last_(secondsNow()) {}
+
+bool PictureClock::due() {
+    if (seconds_ <= 0 || secondsNow() - last_ < seconds_) return false;
+    last_ = secondsNow();
+    return true;
+}
+
+void writeStatePicture(Device& device, const Avatar& avatar, const Capture& capture,
+                       FrameCache& frames, const std::filesystem::path& path) {
+    constexpr size_t kShown = 4;
+    constexpr int kSide = 256;
+    AvatarRenderer renderer(device, avatar);
+    MeshDrawer drawer(device, avatar.body);
+    BodyPoser poser(device, avatar.body);
+    std::vector<Image> above, below;
+    for (size_t k = 0; k < std::min(kShown, capture.size()); ++k) {
+        size_t i = k * capture.size() / std::min(kShown, capture.size());
+        PosedMesh posed = poser.pose(capture.theta[i], capture.trans[i], avatar.betas);
+        CropBox box = cropBox(capture.frames[i].camera, posed.joints, capture.frames[i].name);
+        Crop cut = crop(*frames.load(i), capture.frames[i].camera, box, kSide);
+        std::vector<float> verts = renderer.vertices(capture.theta[i], capture.trans[i]);
+        Drawing drawing =
+            avatar.texture.empty()
+                ? drawer.drawShaded(verts, cut.camera)
+                : drawer.draw(verts, cut.camera, renderer.texture(verts), avatar.textureSize, 2);
+        std::vector<float> over(cut.image.size());
+        for (size_t p = 0; p < over.size(); ++p)
+            over[p] = drawing.rgb[p] +
+                      (1 - static_cast<float>(drawing.mask[p / 3]) / 255.0f) * cut.image[p];
+        above.push_back(toImage(cut.image, kSide, kSide));
+        below.push_back(toImage(over, kSide, kSide));
+    }
+    writeImage(path, contactSheet({above, below}));
+}
+
+}  // namespace doppel

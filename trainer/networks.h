@@ -1,0 +1,89 @@
+// The method's networks as an avatar's preset sizes them.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "nn/lbs.h"
+#include "nn/mesh_net.h"
+#include "nn/optim.h"
+#include "nn/raster.h"
+#include "nn/texture_unet.h"
+#include "trainer/avatar.h"
+
+namespace doppel {
+
+// ---- stage 1 ------------------------------------------------------------------------------------
+
+void declareMeshNet(Parameters& parameters, const Avatar& avatar, uint64_t seed);
+
+// G_m on a graph, with what goes before and after it.
+struct MeshNetwork {
+    Graph* graph;
+    MeshTensors mesh;
+    MeshNet net;
+    Tensor bodyPose;  // [72] ones, but zeros for the global orientation
+    Tensor origin;    // [3] zeros
+
+    // The body posed without global orientation, refined, and put where theta and trans say:
+    // M = R(θ_0) (G_m(P) − j_0) + j_0 + t, in camera space [V,3].
+    Tensor refine(const LbsModel& skin, const Tensor& rest, const Tensor& beta, const Tensor& theta,
+                  const Tensor& trans) const;
+};
+MeshNetwork meshNetwork(Graph& graph, const Avatar& avatar, const Parameters& parameters);
+
+// ---- stage 2 ------------------------------------------------------------------------------------
+
+// G_TN: visibility maps in, textures [size,size,3] in [0,1] out.
+class TextureNet {
+public:
+    // With fresh weights, and with an avatar's.
+    TextureNet(Device& device, const TexturePreset& preset, uint64_t seed);
+    TextureNet(Device& device, const TexturePreset& preset, const WeightMap& weights);
+
+    // maps [size,size] of a batch; none: a map of ones, which paints all sides at once. One texture
+    // per map.
+    std::vector<Tensor> forward(Graph& graph, const std::vector<Tensor>& maps, bool training) const;
+
+    Parameters& parameters() { return unet_.parameters(); }
+    Parameters& state() { return unet_.statistics(); }
+    WeightMap weights() const;
+
+private:
+    TexturePreset preset_;
+    TextureUnet unet_;
+};
+
+// Lets the network paint avatar.texture for all sides.
+void paintTexture(Device& device, Avatar& avatar);
+
+// ---- what the stages share ----------------------------------------------------------------------
+
+AdamWOptions adamwOptions(double beta1, double beta2, double weightDecay);
+// Of step i, counting from 0.
+StepParams stepParams(int64_t i, uint64_t seed, double rate, const AdamWOptions& options);
+
+// An output of one number. MachineError naming stage and step where it is not finite.
+double readLoss(Graph& graph, const Tensor& loss, const char* stage, int64_t step);
+
+// Memory before the first step, and time per op, on stdout.
+void printPlan(const char* stage, const Graph& graph, const Parameters& parameters);
+void printProfile(const char* stage, Graph& graph);
+
+// True every so many seconds; never for 0.
+class PictureClock {
+public:
+    explicit PictureClock(double seconds);
+    bool due();
+
+private:
+    double seconds_;
+    double last_;
+};
+
+// A few frames, and the avatar in its present state over them.
+void writeStatePicture(Device& device, const Avatar& avatar, const Capture& capture,
+                       FrameCache& frames, const std::filesystem::path& path);
+
+}  // namespace doppel

@@ -1,0 +1,123 @@
+#include "trainer/rendering.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <glm/gtc/quaternion.hpp>
+
+#include "engine/io/image.h"
+#include "engine/io/video.h"
+#include "trainer/background.h"
+#include "trainer/motions.h"
+#include "trainer/output_folder.h"
+#include "trainer/progress.h"
+#include "trainer/sheet.h"
+
+namespace doppel {
+
+namespace {
+
+constexpr int kSamples = 2;  // per pixel and axis
+
+glm::dquat toQuaternion(const Theta& theta) {
+    glm::dvec3 v(theta[0], theta[1], theta[2]);
+    double angle = glm::length(v);
+    return angle > 0 ? glm::angleAxis(angle, v / angle) : glm::dquat(1, 0, 0, 0);
+}
+
+}  // namespace
+
+Shot restShot(Device& device, const Avatar& avatar, int size) {
+    Shot shot{};
+    std::array<float, 3> root = uprightOrientation(0);
+    std::ranges::copy(root, shot.theta.begin());
+    shot.theta[3 * 16 + 2] = -0.9f;  // both arms lowered
+    shot.theta[3 * 17 + 2] = 0.9f;
+    double focal = 1.45 * size;
+    shot.camera = {focal, focal, size / 2.0, size / 2.0, size, size};
+    // As far away as its height asks for, the middle of the body on the axis.
+    BodyPoser poser(device, avatar.body);
+    PosedMesh posed = poser.pose(shot.theta, {0, 0, 0}, avatar.betas);
+    float top = INFINITY, bottom = -INFINITY;
+    for (size_t i = 1; i < posed.verts.size(); i += 3) {
+        top = std::min(top, posed.verts[i]);
+        bottom = std::max(bottom, posed.verts[i]);
+    }
+    shot.trans = {0, -(top + bottom) / 2, (bottom - top) * 1.45f * 1.12f};
+    return shot;
+}
+
+Shot turned(const Shot& shot, double turns) {
+    // The camera going round one way is the body turning the other.
+    glm::dquat q =
+        glm::angleAxis(6.283185307179586 * turns, glm::dvec3(0, 1, 0)) * toQuaternion(shot.theta);
+    glm::dvec3 root = glm::axis(q) * glm::angle(q);
+    Shot result = shot;
+    for (int k = 0; k < 3; ++k) result.theta[static_cast<size_t>(k)] = static_cast<float>(root[k]);
+    return result;
+}
+
+std::vector<Shot> throughOwnCameras(const Motion& motion) {
+    if (motion.cameras.empty())
+        throwInput("{}: it has poses but no cameras; use --camera turntable or a cameras.npz",
+                   motion.source.string());
+    std::vector<Shot> shots;
+    for (size_t i = 0; i < motion.size(); ++i)
+        shots.push_back({motion.theta[i], motion.trans[i], motion.cameras[i]});
+    return shots;
+}
+
+std::vector<float> plainBackground(const std::string& colour, const Camera& camera) {
+    std::array<float, 3> rgb{};
+    for (size_t c = 0; c < 3; ++c) {
+        int value = 0;
+        const char* begin = colour.data() + 1 + 2 * c;
+        if (colour.size() != 7 || std::from_chars(begin, begin + 2, value, 16).ptr != begin + 2)
+            throwInput("--background: expected capture or a colour as #rrggbb, found \"{}\"",
+                       colour);
+        rgb[c] = static_cast<float>(value) / 255.0f;
+    }
+    std::vector<float> picture;
+    size_t pixels = static_cast<size_t>(camera.width) * static_cast<size_t>(camera.height);
+    for (size_t i = 0; i < pixels; ++i) picture.insert(picture.end(), rgb.begin(), rgb.end());
+    return picture;
+}
+
+void renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>& shots,
+                 const std::function<std::vector<float>(size_t)>& background,
+                 const std::filesystem::path& out, double fps, const std::string& what) {
+    CHECK(!shots.empty(), "there is something to render");
+    bool film = out.extension() == ".mp4";
+    std::optional<VideoWriter> video;
+    std::optional<OutputFolder> folder;
+    for (const Shot& shot : shots)
+        if (film && (shot.camera.width != shots[0].camera.width ||
+                     shot.camera.height != shots[0].camera.height))
+            throwInput("{}: a film needs frames of one size; give --size or a folder",
+                       out.string());
+    if (film)
+        video.emplace(out, shots[0].camera.width, shots[0].camera.height, fps);
+    else
+        folder.emplace(out, "0000.png");
+
+    AvatarRenderer renderer(device, avatar);
+    Progress progress(what, static_cast<int64_t>(shots.size()));
+    for (size_t i = 0; i < shots.size(); ++i) {
+        if (interrupted()) throw Interrupted{};
+        const Shot& shot = shots[i];
+        Drawing drawing = renderer.draw(shot.theta, shot.trans, shot.camera, kSamples);
+        Image image = toImage(composite(drawing.rgb, drawing.mask, background(i)),
+                              shot.camera.width, shot.camera.height);
+        if (film)
+            video->add(image);
+        else
+            writeImage(folder->folder() / fmt::format("{:04}.png", i), image);
+        progress.update(static_cast<int64_t>(i) + 1);
+    }
+    if (film)
+        video->finish();
+    else
+        folder->commit();
+}
+
+}  // namespace doppel
