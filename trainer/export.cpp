@@ -1,0 +1,239 @@
+#include "trainer/export.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <glm/gtc/quaternion.hpp>
+#include <limits>
+#include <vector>
+
+#include "engine/error.h"
+#include "nn/body.h"
+#include "trainer/sheet.h"
+
+namespace doppel {
+
+namespace {
+
+constexpr size_t kJoints = BodyModel::kJoints;
+constexpr std::array<const char*, kJoints> kJointNames = {
+    "pelvis",     "left_hip",    "right_hip",    "spine1",      "left_knee",     "right_knee",
+    "spine2",     "left_ankle",  "right_ankle",  "spine3",      "left_foot",     "right_foot",
+    "neck",       "left_collar", "right_collar", "head",        "left_shoulder", "right_shoulder",
+    "left_elbow", "right_elbow", "left_wrist",   "right_wrist", "left_hand",     "right_hand"};
+
+// ---- mesh ---------------------------------------------------------------------------------------
+
+// [V,3] Sums of the faces' cross products: larger faces count for more.
+std::vector<float> areaNormals(std::span<const float> verts, std::span<const int32_t> faces) {
+    std::vector<double> sums(verts.size());
+    auto at = [&](int32_t v) {
+        const float* x = &verts[3 * static_cast<size_t>(v)];
+        return glm::dvec3(x[0], x[1], x[2]);
+    };
+    for (size_t f = 0; f + 2 < faces.size(); f += 3) {
+        glm::dvec3 a = at(faces[f]);
+        glm::dvec3 normal = glm::cross(at(faces[f + 1]) - a, at(faces[f + 2]) - a);
+        for (size_t corner = 0; corner < 3; ++corner)
+            for (int c = 0; c < 3; ++c)
+                sums[3 * static_cast<size_t>(faces[f + corner]) + static_cast<size_t>(c)] +=
+                    normal[c];
+    }
+    return {sums.begin(), sums.end()};
+}
+
+float lowest(std::span<const float> verts) {
+    float low = std::numeric_limits<float>::infinity();
+    for (size_t i = 1; i < verts.size(); i += 3) low = std::min(low, verts[i]);
+    return low;
+}
+
+// ---- texture ------------------------------------------------------------------------------------
+
+// [size,size] 1 at texels that a chart's pictures depend on: bilinear filtering reaches one texel
+// over its border.
+std::vector<uint8_t> chartTexels(const BodyModel& body, int size) {
+    std::vector<uint8_t> covered(static_cast<size_t>(size) * static_cast<size_t>(size));
+    for (size_t f = 0; f + 2 < body.uvFaces.size(); f += 3) {
+        std::array<glm::dvec2, 3> p;  // in texels, whose centres are whole numbers
+        for (size_t i = 0; i < 3; ++i) {
+            const float* uv = &body.uvs[2 * static_cast<size_t>(body.uvFaces[f + i])];
+            p[i] = glm::dvec2(uv[0], uv[1]) * static_cast<double>(size) - 0.5;
+        }
+        glm::dvec2 low = glm::min(p[0], glm::min(p[1], p[2])) - 1.0;
+        glm::dvec2 high = glm::max(p[0], glm::max(p[1], p[2])) + 1.0;
+        auto pixel = [&](double x) {
+            return static_cast<int>(std::clamp(x, 0.0, static_cast<double>(size - 1)));
+        };
+        // Edges as distances, positive inside; a chart may be mirrored.
+        auto across = [](glm::dvec2 a, glm::dvec2 b) { return a.x * b.y - a.y * b.x; };
+        double side = across(p[1] - p[0], p[2] - p[0]) < 0 ? -1 : 1;
+        for (int y = pixel(std::ceil(low.y)); y <= pixel(std::floor(high.y)); ++y)
+            for (int x = pixel(std::ceil(low.x)); x <= pixel(std::floor(high.x)); ++x) {
+                bool inside = true;
+                for (size_t i = 0; i < 3; ++i) {
+                    glm::dvec2 edge = p[(i + 1) % 3] - p[i];
+                    double distance = side * across(edge, glm::dvec2(x, y) - p[i]);
+                    if (distance < -glm::length(edge)) inside = false;
+                }
+                if (inside)
+                    covered[static_cast<size_t>(y) * static_cast<size_t>(size) +
+                            static_cast<size_t>(x)] = 1;
+            }
+    }
+    return covered;
+}
+
+// Spreads the charts' colours over what lies between them, ring by ring.
+void fillBetweenCharts(Image& image, std::vector<uint8_t> covered) {
+    auto width = static_cast<size_t>(image.width), height = static_cast<size_t>(image.height);
+    std::vector<size_t> ring;
+    for (size_t i = 0; i < covered.size(); ++i)
+        if (covered[i]) ring.push_back(i);
+    while (!ring.empty()) {
+        std::vector<size_t> next;
+        for (size_t from : ring) {
+            size_t x = from % width, y = from / width;
+            auto spread = [&](bool exists, size_t to) {
+                if (!exists || covered[to]) return;
+                covered[to] = 1;
+                std::copy_n(&image.data[3 * from], 3, &image.data[3 * to]);
+                next.push_back(to);
+            };
+            spread(x > 0, from - 1);
+            spread(x + 1 < width, from + 1);
+            spread(y > 0, from - width);
+            spread(y + 1 < height, from + width);
+        }
+        ring = std::move(next);
+    }
+}
+
+// ---- motion -------------------------------------------------------------------------------------
+
+glm::dquat jointRotation(const Theta& theta, size_t joint) {
+    glm::dvec3 v(theta[3 * joint], theta[3 * joint + 1], theta[3 * joint + 2]);
+    double angle = glm::length(v);
+    return angle > 0 ? glm::angleAxis(angle, v / angle) : glm::dquat(1, 0, 0, 0);
+}
+
+// What turns the motion's space into one with y up.
+glm::dquat uprightRotation(const Motion& motion) {
+    glm::dquat fromCamera(0, 1, 0, 0);  // half a turn about x
+    if (!motion.cameras.empty()) return fromCamera;
+    glm::dvec3 up(0);
+    for (const Theta& theta : motion.theta) up += jointRotation(theta, 0) * glm::dvec3(0, 1, 0);
+    if (-up.y >= std::max(up.y, up.z)) return fromCamera;
+    if (up.y >= up.z) return {1, 0, 0, 0};
+    return glm::angleAxis(-std::acos(-1.0) / 2, glm::dvec3(1, 0, 0));
+}
+
+// The lowest vertex of the scene in the animation's first key.
+double lowestInFirstKey(const GltfScene& scene, const GltfAnimation& animation) {
+    std::vector<glm::dquat> turn;
+    std::vector<glm::dvec3> rest, origin;
+    for (size_t j = 0; j < scene.skeleton.size(); ++j) {
+        const GltfJoint& joint = scene.skeleton[j];
+        const float* q = &animation.rotations[4 * j];
+        glm::dquat local(q[3], q[0], q[1], q[2]);
+        rest.emplace_back(joint.position[0], joint.position[1], joint.position[2]);
+        if (joint.parent < 0) {
+            const float* moved = animation.translations.data();
+            turn.push_back(local);
+            origin.push_back(rest[j] + glm::dvec3(moved[0], moved[1], moved[2]));
+        } else {
+            auto parent = static_cast<size_t>(joint.parent);
+            turn.push_back(turn[parent] * local);
+            origin.push_back(origin[parent] + turn[parent] * (rest[j] - rest[parent]));
+        }
+    }
+    double low = std::numeric_limits<double>::infinity();
+    for (size_t v = 0; v < scene.positions.size() / 3; ++v) {
+        const float* x = &scene.positions[3 * v];
+        double y = 0, sum = 0;
+        for (size_t k = 0; k < 4; ++k) {
+            size_t j = scene.joints[4 * v + k];
+            double weight = scene.weights[4 * v + k];
+            y += weight * (origin[j] + turn[j] * (glm::dvec3(x[0], x[1], x[2]) - rest[j])).y;
+            sum += weight;
+        }
+        low = std::min(low, y / sum);
+    }
+    return low;
+}
+
+// pelvis: the root joint's rest place in the body's own frame, about which theta turns.
+GltfAnimation animate(const GltfScene& scene, const Motion& motion, const glm::dvec3& pelvis) {
+    CHECK(motion.size() > 0, "a motion has frames");
+    GltfAnimation animation;
+    animation.name = motion.name.empty() ? "motion" : motion.name;
+    double fps = motion.fps > 0 ? motion.fps : 30;
+    glm::dquat upright = uprightRotation(motion);
+    const std::array<float, 3>& root = scene.skeleton[0].position;
+    glm::dvec3 rest(root[0], root[1], root[2]), start(0);
+    for (size_t k = 0; k < motion.size(); ++k) {
+        animation.times.push_back(static_cast<float>(static_cast<double>(k) / fps));
+        for (size_t j = 0; j < kJoints; ++j) {
+            glm::dquat q = jointRotation(motion.theta[k], j);
+            if (j == 0) q = upright * q;
+            for (double x : {q.x, q.y, q.z, q.w})
+                animation.rotations.push_back(static_cast<float>(x));
+        }
+        // v = R(θ_0) (v' − j_0) + j_0 + t: the root stands at j_0 + t, whatever θ_0.
+        const Trans& t = motion.trans[k];
+        glm::dvec3 place = upright * (pelvis + glm::dvec3(t[0], t[1], t[2]));
+        if (k == 0) start = place;
+        glm::dvec3 moved = place - start - glm::dvec3(rest.x, 0, rest.z);
+        for (int c = 0; c < 3; ++c) animation.translations.push_back(static_cast<float>(moved[c]));
+    }
+    auto lift = static_cast<float>(-lowestInFirstKey(scene, animation));
+    for (size_t i = 1; i < animation.translations.size(); i += 3) animation.translations[i] += lift;
+    return animation;
+}
+
+}  // namespace
+
+GltfScene avatarScene(const Avatar& avatar, std::span<const float> bindVerts,
+                      const Motion* motion) {
+    const BodyModel& body = avatar.body;
+    CHECK(bindVerts.size() == 3 * static_cast<size_t>(body.vertexCount),
+          "the bind pose must have the body's {} vertices", body.vertexCount);
+    if (avatar.texture.empty())
+        throwInput("the avatar has no texture yet; train stage texture first");
+
+    GltfScene scene;
+    fillMesh(scene, bindVerts, areaNormals(bindVerts, body.faces), body.faces, body.uvs,
+             body.uvFaces, body.weights, BodyModel::kJoints);
+    float lift = -lowest(bindVerts);
+    for (size_t i = 1; i < scene.positions.size(); i += 3) scene.positions[i] += lift;
+    std::vector<double> beta(avatar.betas.begin(), avatar.betas.end());
+    std::vector<double> joints = restJoints(body, beta);
+    for (size_t j = 0; j < kJoints; ++j) {
+        const double* x = &joints[3 * j];
+        scene.skeleton.push_back({kJointNames[j],
+                                  std::max(body.parents[j], -1),
+                                  {static_cast<float>(x[0]), static_cast<float>(x[1]) + lift,
+                                   static_cast<float>(x[2])}});
+    }
+    scene.baseColor = toImage(avatar.texture, avatar.textureSize, avatar.textureSize);
+    fillBetweenCharts(scene.baseColor, chartTexels(body, avatar.textureSize));
+    scene.unlit = scene.doubleSided = true;
+    if (motion)
+        scene.animation = animate(scene, *motion, glm::dvec3(joints[0], joints[1], joints[2]));
+    return scene;
+}
+
+void exportAvatar(Device& device, const Avatar& avatar, const std::filesystem::path& out,
+                  const Motion* motion) {
+    AvatarRenderer renderer(device, avatar);
+    std::vector<float> bind = renderer.vertices(Theta{}, Trans{});
+    for (float x : bind)
+        if (!std::isfinite(x))
+            throwInput(
+                "{}: cannot be made: the avatar's mesh network gives vertices that are not "
+                "finite; train stage mesh again",
+                out.string());
+    writeGlb(out, avatarScene(avatar, bind, motion));
+}
+
+}  // namespace doppel

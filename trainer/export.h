@@ -1,0 +1,37 @@
+// Avatars for other programs: glTF with a skinned mesh, its texture and, if wanted, a motion.
+//
+// Skinning has one mesh for all poses, where the mesh network refines each pose anew. What is
+// exported is the mesh as it is refined in the T-pose; skinning moves its clothes and hair from
+// there on.
+#pragma once
+
+#include <filesystem>
+#include <span>
+
+#include "engine/device.h"
+#include "engine/io/gltf.h"
+#include "trainer/avatar.h"
+#include "trainer/capture.h"
+
+namespace doppel {
+
+// bindVerts [V,3]: the avatar's vertices in the T-pose, body frame. The scene has the same axes
+// (metres, y up, facing +z), with the ground, y = 0, under the lowest vertex.
+//
+// A motion becomes an animation at the motion's fps in a world with y up: what faced the camera
+// faces +z, and in the first key the pelvis is above the origin and the lowest vertex on the
+// ground. Poses from a capture are in camera space, y down. Poses without cameras may also have
+// been made with y or z up: the one of the three that brings the bodies closest to standing.
+//
+// Texels between the charts of the atlas take the colour of the nearest chart, because players
+// average texels where the person is small.
+//
+// InputError where there is no texture.
+GltfScene avatarScene(const Avatar& avatar, std::span<const float> bindVerts, const Motion* motion);
+
+// Writes it to `out`, *.glb, which appears whole or not at all. motion may be null. InputError
+// where there is no texture, and where the mesh network's vertices are not finite.
+void exportAvatar(Device& device, const Avatar& avatar, const std::filesystem::path& out,
+                  const Motion* motion);
+
+}  // namespace doppel
