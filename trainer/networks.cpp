@@ -37,7 +37,8 @@ double secondsNow() {
 // ---- stage 1 ------------------------------------------------------------------------------------
 
 void declareMeshNet(Parameters& parameters, const Avatar& avatar, uint64_t seed) {
-    addMeshNetParameters(parameters, meshNetConfig(avatar.preset.mesh), seed);
+    addMeshNetParameters(parameters, meshNetConfig(avatar.preset.mesh),
+                         static_cast<uint32_t>(seed));
 }
 
 MeshNetwork meshNetwork(Graph& graph, const Avatar& avatar, const Parameters& parameters) {
