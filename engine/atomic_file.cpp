@@ -8,6 +8,7 @@
 #include <atomic>
 #include <cerrno>
 #include <cstring>
+#include <iterator>
 #include <limits>
 #include <utility>
 
@@ -20,7 +21,40 @@ namespace {
 
 constexpr size_t kMaxChunk = size_t{1} << 30;  // Linux moves at most 2 GiB in one call
 
+// Names of files in the making. A handler may run at any instant, so a slot's name is complete
+// before `ready` says so. Beyond this many open at once, an interrupt leaves a hidden file behind.
+struct Slot {
+    std::atomic<bool> taken{false}, ready{false};
+    char name[1024];
+};
+Slot gSlots[32];
+
+int takeSlot(const std::string& name) {
+    if (name.size() >= sizeof(Slot::name)) return -1;
+    for (size_t i = 0; i < std::size(gSlots); ++i) {
+        if (gSlots[i].taken.exchange(true)) continue;
+        std::memcpy(gSlots[i].name, name.c_str(), name.size() + 1);
+        gSlots[i].ready = true;
+        return static_cast<int>(i);
+    }
+    return -1;
+}
+
 }  // namespace
+
+void removeTemporaryFiles() noexcept {
+    for (Slot& slot : gSlots) {
+        if (slot.ready) ::unlink(slot.name);
+    }
+}
+
+void AtomicFile::forget() noexcept {
+    pending_ = false;
+    if (slot_ < 0) return;
+    gSlots[slot_].ready = false;
+    gSlots[slot_].taken = false;
+    slot_ = -1;
+}
 
 AtomicFile::AtomicFile(fs::path target) : target_(std::move(target)) {
     std::error_code ignored;
@@ -52,6 +86,7 @@ AtomicFile::AtomicFile(fs::path target) : target_(std::move(target)) {
         descriptor_ = ::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
         if (descriptor_ >= 0) {
             pending_ = true;
+            slot_ = takeSlot(fs::absolute(temporary_, ignored).string());
             return;
         }
         if (errno != EEXIST) break;  // a leftover of a killed process: take the next number
@@ -62,6 +97,7 @@ AtomicFile::AtomicFile(fs::path target) : target_(std::move(target)) {
 AtomicFile::~AtomicFile() {
     closeDescriptor();
     if (pending_) ::unlink(temporary_.c_str());
+    forget();
 }
 
 void AtomicFile::closeDescriptor() noexcept {
@@ -102,7 +138,7 @@ void AtomicFile::commit() {
     if (::fsync(descriptor_) != 0 && errno != EINVAL) fail("write", errno);
     if (::close(std::exchange(descriptor_, -1)) != 0 && errno != EINTR) fail("write", errno);
     if (::rename(temporary_.c_str(), target_.c_str()) != 0) fail("rename", errno);
-    pending_ = false;
+    forget();
 }
 
 namespace {

@@ -45,11 +45,17 @@ public:
 private:
     [[noreturn]] void fail(const char* doing, int error) const;
     void closeDescriptor() noexcept;
+    void forget() noexcept;  // the temporary file is gone
 
     std::filesystem::path target_, temporary_;
     int descriptor_ = -1;
     bool pending_ = false;  // a temporary file exists
+    int slot_ = -1;         // where removeTemporaryFiles() finds its name
 };
+
+// Deletes the temporary files of this process that are not committed yet: for a signal handler that
+// ends the process, where no destructor runs (async-signal-safe).
+void removeTemporaryFiles() noexcept;
 
 // The whole file at once. InputError names the file: missing, unreadable, not a regular file, or
 // larger than `limit` bytes.

@@ -948,7 +948,10 @@ Array arrayFromRaw(std::string_view descr, std::vector<int64_t> shape, bool fort
     if (type.dtype == DType::text || type.dtype == DType::other) {
         array.descr = ZipReader::printable(descr);
     }
-    if (type.dtype == DType::other) return array;
+    if (type.dtype == DType::other) {
+        if (array.descr == "|O" || array.descr == "O") array.bytes.assign(data.begin(), data.end());
+        return array;
+    }
 
     uint64_t expected = 0;
     if (__builtin_mul_overflow(static_cast<uint64_t>(*count), type.itemSize, &expected) ||

@@ -37,7 +37,8 @@ enum class DType : uint8_t {
     f32,
     f64,
     text,   // UTF-8, every element padded with NULs to the same number of bytes
-    other,  // kept without bytes, so that a file's other arrays can be read; see Array::descr
+    other,  // cannot be read here, but the file's other arrays can: see Array::descr. The bytes of
+            // Python objects ("|O") are a pickle, for engine/io/pickle.h; others have no bytes
 };
 
 const char* dtypeName(DType dtype);  // "float32", as NumPy says it

@@ -254,6 +254,7 @@ TEST(Npy, typesOrdersAndVersions) {
               "hë");
     // Python objects: the array is listed, its content is refused by name.
     const Array objects = read("{'descr': '|O', 'fortran_order': False, 'shape': (), }", {1, 2, 3});
+    EXPECT_EQ(objects.bytes, (std::vector<uint8_t>{1, 2, 3})) << "the pickle, as data";
     EXPECT_NE(messageOf<InputError>([&] { objects.toF32(); })
                   .find("a.npy: expected numbers, found "
                         "Python objects (|O)"),
@@ -394,6 +395,17 @@ TEST(AtomicFile, leavesNothingWithoutCommit) {
     file.commit();
     EXPECT_EQ(readWholeFile(folder / "target.txt"), (std::vector<uint8_t>{'n', 'e', 'w'}));
     EXPECT_EQ(folder.names(), std::vector<std::string>{"target.txt"});
+}
+
+TEST(AtomicFile, anInterruptCanCleanUp) {
+    Folder folder;
+    folder.write("target.txt", std::string("old"));
+    AtomicFile first(folder / "target.txt"), second(folder / "other.txt");
+    second.write("done");
+    second.commit();
+    EXPECT_EQ(folder.names().size(), 3u);
+    removeTemporaryFiles();  // as the handler does, just before the process ends
+    EXPECT_EQ(folder.names(), (std::vector<std::string>{"other.txt", "target.txt"}));
 }
 
 TEST(AtomicFile, saysWhyItCannot) {

@@ -122,6 +122,18 @@ TEST(Pickle, readsJoblib) {
     }
 }
 
+// An npz may hold a pickle as an array of Python objects; its other arrays are read as always.
+TEST(Pickle, readsObjectsInsideNpz) {
+    const Npz npz = readNpz(kPickles / "objects.npz");
+    EXPECT_EQ(npz.at("n").integer(), 3);
+    const Array& results = npz.at("results");
+    ASSERT_EQ(results.dtype, DType::other);
+    const PickleValue value = pickleFromBytes(results.bytes, results.where);
+    EXPECT_EQ(value.item(0).at("pose").asArray().toF32(), (std::vector<float>{0, 1, 2}));
+    EXPECT_NE(messageOf<InputError>([&] { value.item(0).at("x"); }).find("objects.npz: results[0]"),
+              std::string::npos);
+}
+
 // Python 2's strings hold an array's bytes directly, as in the official SMPL files.
 TEST(Pickle, readsPython2) {
     const PickleValue p = parse(

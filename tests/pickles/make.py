@@ -70,3 +70,5 @@ if __name__ == "__main__":
     people = {1: {"verts": np.arange(12, dtype="f4").reshape(2, 2, 3), "ids": np.array([4, 9])}}
     joblib.dump(people, folder / "joblib.pkl")
     joblib.dump(people, folder / "joblib_zlib.pkl", compress=3)
+    results = {"pose": np.arange(3, dtype="f4")}
+    np.savez(folder / "objects.npz", results=np.array(results, dtype=object), n=np.int32(3))
