@@ -100,8 +100,8 @@ bool jpegIsWhole(Bytes file) {
 // libpng prints what is wrong with a file on its own; so chunks and their CRCs are checked before.
 void checkPng(Bytes file, const std::string& name) {
     const auto read32 = [&](size_t at) {
-        return uint32_t{file[at]} << 24 | uint32_t{file[at + 1]} << 16 | uint32_t{file[at + 2]} << 8 |
-               uint32_t{file[at + 3]};
+        return uint32_t{file[at]} << 24 | uint32_t{file[at + 1]} << 16 |
+               uint32_t{file[at + 2]} << 8 | uint32_t{file[at + 3]};
     };
     for (size_t at = 8;;) {
         if (file.size() - at < 12 || read32(at) > file.size() - at - 12) {
