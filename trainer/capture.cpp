@@ -106,31 +106,6 @@ void movePose(const Rigid& by, Theta& theta, Trans& trans) {
 
 // ---- names --------------------------------------------------------------------------------------
 
-bool isDigit(char c) { return c >= '0' && c <= '9'; }
-
-// "frame9" before "frame10".
-bool naturallyBefore(const std::string& a, const std::string& b) {
-    size_t i = 0, j = 0;
-    while (i < a.size() && j < b.size()) {
-        if (isDigit(a[i]) && isDigit(b[j])) {
-            const auto run = [](const std::string& s, size_t& at) {
-                while (at < s.size() && s[at] == '0') ++at;
-                const size_t begin = at;
-                while (at < s.size() && isDigit(s[at])) ++at;
-                return std::string_view(s).substr(begin, at - begin);
-            };
-            const std::string_view x = run(a, i), y = run(b, j);
-            if (x.size() != y.size()) return x.size() < y.size();
-            if (x != y) return x < y;
-        } else {
-            if (a[i] != b[j]) return a[i] < b[j];
-            ++i, ++j;
-        }
-    }
-    if (a.size() - i != b.size() - j) return a.size() - i < b.size() - j;
-    return a < b;
-}
-
 bool isPictureName(const fs::path& path) {
     std::string extension = path.extension().string();
     std::transform(extension.begin(), extension.end(), extension.begin(),
@@ -693,7 +668,30 @@ Motion throughCameras(Motion motion, const fs::path& path) {
     return motion;
 }
 
-// ---- selection ----------------------------------------------------------------------------------
+// ---- names and selection ------------------------------------------------------------------------
+
+bool naturallyBefore(const std::string& a, const std::string& b) {
+    const auto digit = [](char c) { return c >= '0' && c <= '9'; };
+    size_t i = 0, j = 0;
+    while (i < a.size() && j < b.size()) {
+        if (digit(a[i]) && digit(b[j])) {
+            const auto run = [&](const std::string& s, size_t& at) {
+                while (at < s.size() && s[at] == '0') ++at;
+                const size_t begin = at;
+                while (at < s.size() && digit(s[at])) ++at;
+                return std::string_view(s).substr(begin, at - begin);
+            };
+            const std::string_view x = run(a, i), y = run(b, j);
+            if (x.size() != y.size()) return x.size() < y.size();
+            if (x != y) return x < y;
+        } else {
+            if (a[i] != b[j]) return a[i] < b[j];
+            ++i, ++j;
+        }
+    }
+    if (a.size() - i != b.size() - j) return a.size() - i < b.size() - j;
+    return a < b;
+}
 
 std::vector<size_t> selectFrames(std::string_view text, size_t count, std::string_view what) {
     const auto wrong = [&] {

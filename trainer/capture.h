@@ -126,6 +126,9 @@ Motion throughCameras(Motion motion, const std::filesystem::path& cameras);
 std::vector<size_t> selectFrames(std::string_view text, size_t count,
                                  std::string_view what = "--frames");
 
+// "frame9" before "frame10": runs of digits count as numbers.
+bool naturallyBefore(const std::string& a, const std::string& b);
+
 // ---- pictures -----------------------------------------------------------------------------------
 
 // 8-bit, rows from the top.

@@ -12,9 +12,13 @@
 
 namespace doppel {
 
-// Draws the body in this pose: [H][W] of the camera's size, 255 where it is, 0 elsewhere.
-using DrawBody = std::function<std::vector<uint8_t>(const Camera& camera, const Theta& theta,
-                                                    const Trans& trans, const Betas& betas)>;
+// A body in a pose, as the camera sees it.
+struct BodyPicture {
+    std::vector<uint8_t> mask;  // [H][W], 255 where the body is, 0 elsewhere
+    std::vector<float> shade;   // [H][W], how light it is there, [0,1]; may be empty
+};
+using DrawBody = std::function<BodyPicture(const Camera& camera, const Theta& theta,
+                                           const Trans& trans, const Betas& betas)>;
 
 struct ImportResult {
     Capture capture;  // as it is now on disk
