@@ -3,7 +3,10 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <filesystem>
+#include <fstream>
 #include <iostream>
+#include <iterator>
 #include <sstream>
 
 #include "engine/error.h"
@@ -230,6 +233,37 @@ TEST(Progress, SaysWhatIsLeft) {
     EXPECT_EQ(progress.line(400, {}, 3725), "mesh 400/400  1:02:05 in all");
     EXPECT_EQ(clockText(59.6), "1:00");
     EXPECT_EQ(clockText(0), "0:00");
+}
+
+TEST(LossLog, CurvesGoOnWhereARunResumes) {
+    Folder folder;
+    {
+        LossLog log(folder / "log", "mesh", {"loss", "iou"});
+        for (int step = 0; step < 5; ++step) log.add(step, {1. / (step + 1), .1 * step});
+        log.flush();
+    }
+    // Steps 3 and 4 came after the checkpoint, and the last row was cut short.
+    std::ofstream(folder / "log" / "losses_mesh.csv", std::ios::app) << "5,0.1";
+    {
+        LossLog log(folder / "log", "mesh", {"loss", "iou"}, 3);
+        log.add(3, {.5, .25});
+        log.flush();
+    }
+    std::ifstream csv(folder / "log" / "losses_mesh.csv");
+    const std::string text((std::istreambuf_iterator<char>(csv)), {});
+    EXPECT_EQ(text, "step,loss,iou\n0,1,0\n1,0.5,0.1\n2,0.333333333,0.2\n3,0.5,0.25\n");
+    const auto events = folder / "log" / "events" / "mesh";
+    ASSERT_EQ(std::distance(std::filesystem::directory_iterator(events), {}), 1);
+    // Eight scalars, each with its tag.
+    std::ifstream file(std::filesystem::directory_iterator(events)->path(), std::ios::binary);
+    const std::string bytes((std::istreambuf_iterator<char>(file)), {});
+    size_t tags = 0;
+    for (size_t at = 0; (at = bytes.find("mesh/", at)) != std::string::npos; ++at) ++tags;
+    EXPECT_EQ(tags, 8u);
+    // A fresh run starts again.
+    LossLog again(folder / "log", "mesh", {"loss", "iou"});
+    std::ifstream fresh(folder / "log" / "losses_mesh.csv");
+    EXPECT_EQ(std::string((std::istreambuf_iterator<char>(fresh)), {}), "step,loss,iou\n");
 }
 
 TEST(Progress, TheSecondInterruptKills) {
