@@ -8,7 +8,6 @@ namespace doppel {
 
 namespace {
 
-constexpr float kWeightDeviation = 0.01f;
 
 std::string layerName(int block, int layer) {
     return fmt::format("mesh.block{}.layer{}.", block, layer);
@@ -29,7 +28,7 @@ void addMeshNetParameters(Parameters& parameters, const MeshNetConfig& config, u
             for (const char* which : {"0", "1"}) {
                 std::string weight = layerName(b, l) + "weight" + which;
                 parameters.add(weight, {O, I},
-                               normalValues(seed, weight, O * I, 0, kWeightDeviation));
+                               normalValues(seed, weight, O * I, 0, config.deviation));
                 parameters.add(layerName(b, l) + "bias" + which, {O}, constantValues(O, 0));
             }
         }

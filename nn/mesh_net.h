@@ -19,12 +19,15 @@ struct MeshNetConfig {
     int blocks = 3;
     int layers = 6;    // graph convolutions per block
     int hidden = 128;  // features per vertex; products are fastest with multiples of 16
+    // Of the layers' first weights. Signals keep their size through the layers at about
+    // sqrt(2 / (37 hidden)): .02 for 128 features, .04 for 32.
+    float deviation = 0.01f;
 };
 
 // Declares "mesh.block<b>.layer<l>.{weight0,bias0,weight1,bias1}" and
 // "mesh.block<b>.offset.{weight, bias}". A layer's weights [hidden, inputs] take the features
 // first, then the normal's three numbers; a first layer has no features in block 0. Weights of
-// layers are drawn from N(0, 0.01), all else is zero, so that an untrained network moves nothing.
+// layers are drawn from N(0, deviation), all else is zero, so that an untrained network moves nothing.
 void addMeshNetParameters(Parameters& parameters, const MeshNetConfig& config, uint32_t seed);
 
 class MeshNet {

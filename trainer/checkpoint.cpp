@@ -1,5 +1,7 @@
 #include "trainer/checkpoint.h"
 
+#include <charconv>
+
 #include "engine/io/safetensors.h"
 #include "trainer/output_folder.h"
 
@@ -68,7 +70,12 @@ int64_t Checkpoint::restore(Parameters& parameters, Parameters* state) const {
     loadSection(parameters, Parameters::kMoment1, arrays, "moment1.", path_.string());
     loadSection(parameters, Parameters::kMoment2, arrays, "moment2.", path_.string());
     if (state) loadSection(*state, Parameters::kValues, arrays, "state.", path_.string());
-    return std::stoll(file.metadata.at("steps_done"));
+    const std::string& done = file.metadata["steps_done"];
+    int64_t steps = -1;
+    auto [end, error] = std::from_chars(done.data(), done.data() + done.size(), steps);
+    if (error != std::errc() || end != done.data() + done.size() || steps < 0)
+        throwInput("{}: steps_done: expected a number from 0 on, found \"{}\"", path_.string(), done);
+    return steps;
 }
 
 void Checkpoint::save(const Parameters& parameters, int64_t stepsDone, const Parameters* state) {

@@ -16,7 +16,8 @@ namespace doppel {
 namespace {
 
 MeshNetConfig meshNetConfig(const MeshPreset& preset) {
-    return {.blocks = preset.blocks, .layers = preset.layers, .hidden = preset.hidden};
+    return {.blocks = preset.blocks, .layers = preset.layers, .hidden = preset.hidden,
+            .deviation = static_cast<float>(preset.deviation)};
 }
 
 TextureUnetConfig unetConfig(const TexturePreset& preset) {

@@ -35,6 +35,7 @@ void visitFields(P& preset, Visit visit) {
     visit("mesh.blocks", m.blocks, 1, 16);
     visit("mesh.layers", m.layers, 1, 64);
     visit("mesh.hidden", m.hidden, 4, 1024);
+    visit("mesh.deviation", m.deviation, 0, 1);
     visit("mesh.batch", m.batch, 1, 256);
     visit("mesh.epochs", m.epochs, 0, kMany);
     visit("mesh.steps", m.steps, 0, kMany);

@@ -28,6 +28,7 @@ struct FitPreset {
 struct MeshPreset {
     int size = 256;  // side of the crops, pixels
     int blocks = 3, layers = 6, hidden = 128;
+    double deviation = .01;  // of the first weights
     int batch = 4;
     int epochs = 20;  // over the capture's frames; steps = 0 goes by epochs
     int steps = 0;    // where > 0: this many steps, whatever the number of frames
