@@ -1,0 +1,12 @@
+#include <iostream>
+
+#include "trainer/cli.h"
+#include "trainer/progress.h"
+
+int main(int argc, char** argv) {
+    using namespace doppel;
+    catchInterrupts();
+    const Commands commands{runDevices, runImport, runFit,  runTrain, runRender,
+                            runEval,    runExport, runDemo, runBench};
+    return runCommandLine({argv + 1, argv + argc}, commands, std::cout, std::cerr);
+}
