@@ -15,8 +15,10 @@
 #include "engine/error.h"
 #include "tests/files.h"
 #include "tests/op_test.h"
+#include "trainer/checkpoint.h"
 #include "trainer/commands.h"
 #include "trainer/motions.h"
+#include "trainer/networks.h"
 
 namespace doppel {
 namespace {
@@ -303,6 +305,61 @@ TEST(Export, StandsUprightWhicheverAxisIsUp) {
         exportAvatar(testDevice(), avatar, folder / "a.glb", &made);
         expectSameBodies(Reader(folder / "a.glb"), avatar, motion);
     }
+}
+
+// Mean distance between the file's vertices and the avatar's, their centres brought together.
+double distanceToNetwork(const Reader& file, Device& device, const Avatar& avatar,
+                         const Motion& motion) {
+    AvatarRenderer renderer(device, avatar);
+    std::vector<uint16_t> indices = file.indices();
+    double sum = 0, count = 0;
+    for (size_t f = 0; f < motion.size(); ++f) {
+        std::vector<float> posed = renderer.vertices(motion.theta[f], motion.trans[f]);
+        std::vector<glm::dvec3> verts = file.skinned(static_cast<int>(f));
+        std::vector<glm::dvec3> difference;
+        glm::dvec3 mean(0);
+        for (size_t i = 0; i < indices.size(); ++i) {
+            const float* v = &posed[3 * static_cast<size_t>(avatar.body.faces[i])];
+            difference.push_back(verts.at(indices[i]) - glm::dvec3(v[0], -v[1], -v[2]));
+            mean += difference.back() / static_cast<double>(indices.size());
+        }
+        for (const glm::dvec3& d : difference) sum += glm::length(d - mean);
+        count += static_cast<double>(difference.size());
+    }
+    return sum / count;
+}
+
+TEST(Export, StaysCloseToTheMeshNetwork) {
+    Folder folder;
+    Avatar avatar = plainAvatar();
+    Parameters net;
+    declareMeshNet(net, avatar, 1);
+    net.allocate(testDevice());
+    avatar.meshNet = readWeights(net);
+    // As if trained: offsets of up to some centimetres that turn with the normals.
+    uint32_t seed = 1;
+    for (auto& [name, array] : avatar.meshNet) {
+        if (name.find("offset.weight") == std::string::npos) continue;
+        std::vector<double> drawn =
+            random({static_cast<int64_t>(array.values.size())}, seed++).data;
+        std::ranges::transform(drawn, array.values.begin(),
+                               [](double x) { return static_cast<float>(0.005 * x); });
+    }
+    Motion motion = bends();
+    exportAvatar(testDevice(), avatar, folder / "a.glb", &motion);
+    std::vector<float> tPose = AvatarRenderer(testDevice(), avatar).vertices(Theta{}, Trans{});
+    writeGlb(folder / "t.glb", avatarScene(avatar, tPose, &motion));
+    Avatar plain = avatar;
+    plain.meshNet.clear();
+    exportAvatar(testDevice(), plain, folder / "plain.glb", &motion);
+    auto distance = [&](const char* name) {
+        return distanceToNetwork(Reader(folder / name), testDevice(), avatar, motion);
+    };
+    double ours = distance("a.glb"), refinedInTPose = distance("t.glb"),
+           unrefined = distance("plain.glb");
+    EXPECT_GT(unrefined, 0.002) << "metres: the network does something";
+    EXPECT_LT(ours, 0.75 * refinedInTPose);
+    EXPECT_LT(ours, 0.75 * unrefined);
 }
 
 TEST(Export, FillsTheTextureBetweenCharts) {

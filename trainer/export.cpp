@@ -15,7 +15,7 @@ namespace doppel {
 
 namespace {
 
-constexpr size_t kJoints = BodyModel::kJoints;
+constexpr size_t kJoints = BodyModel::kJoints, kLeftShoulder = 16, kRightShoulder = 17;
 constexpr std::array<const char*, kJoints> kJointNames = {
     "pelvis",     "left_hip",    "right_hip",    "spine1",      "left_knee",     "right_knee",
     "spine2",     "left_ankle",  "right_ankle",  "spine3",      "left_foot",     "right_foot",
@@ -24,13 +24,14 @@ constexpr std::array<const char*, kJoints> kJointNames = {
 
 // ---- mesh ---------------------------------------------------------------------------------------
 
+glm::dvec3 vertex(std::span<const float> verts, size_t v) {
+    return {verts[3 * v], verts[3 * v + 1], verts[3 * v + 2]};
+}
+
 // [V,3] Sums of the faces' cross products: larger faces count for more.
 std::vector<float> areaNormals(std::span<const float> verts, std::span<const int32_t> faces) {
     std::vector<double> sums(verts.size());
-    auto at = [&](int32_t v) {
-        const float* x = &verts[3 * static_cast<size_t>(v)];
-        return glm::dvec3(x[0], x[1], x[2]);
-    };
+    auto at = [&](int32_t v) { return vertex(verts, static_cast<size_t>(v)); };
     for (size_t f = 0; f + 2 < faces.size(); f += 3) {
         glm::dvec3 a = at(faces[f]);
         glm::dvec3 normal = glm::cross(at(faces[f + 1]) - a, at(faces[f + 2]) - a);
@@ -128,49 +129,68 @@ glm::dquat uprightRotation(const Motion& motion) {
     return glm::angleAxis(-std::acos(-1.0) / 2, glm::dvec3(1, 0, 0));
 }
 
-// The lowest vertex of the scene in the animation's first key.
-double lowestInFirstKey(const GltfScene& scene, const GltfAnimation& animation) {
-    std::vector<glm::dquat> turn;
-    std::vector<glm::dvec3> rest, origin;
-    for (size_t j = 0; j < scene.skeleton.size(); ++j) {
-        const GltfJoint& joint = scene.skeleton[j];
-        const float* q = &animation.rotations[4 * j];
-        glm::dquat local(q[3], q[0], q[1], q[2]);
-        rest.emplace_back(joint.position[0], joint.position[1], joint.position[2]);
-        if (joint.parent < 0) {
-            const float* moved = animation.translations.data();
-            turn.push_back(local);
-            origin.push_back(rest[j] + glm::dvec3(moved[0], moved[1], moved[2]));
-        } else {
-            auto parent = static_cast<size_t>(joint.parent);
-            turn.push_back(turn[parent] * local);
-            origin.push_back(origin[parent] + turn[parent] * (rest[j] - rest[parent]));
-        }
-    }
-    double low = std::numeric_limits<double>::infinity();
-    for (size_t v = 0; v < scene.positions.size() / 3; ++v) {
-        const float* x = &scene.positions[3 * v];
-        double y = 0, sum = 0;
-        for (size_t k = 0; k < 4; ++k) {
-            size_t j = scene.joints[4 * v + k];
-            double weight = scene.weights[4 * v + k];
-            y += weight * (origin[j] + turn[j] * (glm::dvec3(x[0], x[1], x[2]) - rest[j])).y;
-            sum += weight;
-        }
-        low = std::min(low, y / sum);
-    }
-    return low;
-}
+// Where the joints of a body stand and how they are turned, the pelvis being at rest.
+struct Placement {
+    std::array<glm::dquat, kJoints> turn;
+    std::array<glm::dvec3, kJoints> origin;
+};
 
-// pelvis: the root joint's rest place in the body's own frame, about which theta turns.
-GltfAnimation animate(const GltfScene& scene, const Motion& motion, const glm::dvec3& pelvis) {
+struct Rig {
+    const BodyModel& body;
+    std::array<glm::dvec3, kJoints> rest;
+
+    explicit Rig(const Avatar& avatar) : body(avatar.body) {
+        std::vector<double> beta(avatar.betas.begin(), avatar.betas.end());
+        std::vector<double> joints = restJoints(body, beta);
+        for (size_t j = 0; j < kJoints; ++j)
+            rest[j] = {joints[3 * j], joints[3 * j + 1], joints[3 * j + 2]};
+    }
+
+    Placement place(const Theta& theta) const {
+        Placement placed;
+        for (size_t j = 0; j < kJoints; ++j) {
+            placed.turn[j] = jointRotation(theta, j);
+            placed.origin[j] = rest[j];
+            if (body.parents[j] < 0) continue;
+            auto parent = static_cast<size_t>(body.parents[j]);
+            placed.turn[j] = placed.turn[parent] * placed.turn[j];
+            placed.origin[j] =
+                placed.origin[parent] + placed.turn[parent] * (rest[j] - rest[parent]);
+        }
+        return placed;
+    }
+
+    // Skinning takes vertex v from x to turn x + move.
+    struct Blend {
+        glm::dmat3 turn{0};
+        glm::dvec3 move{0};
+    };
+    Blend skin(const Placement& placed, size_t v) const {
+        Blend blend;
+        for (size_t j = 0; j < kJoints; ++j) {
+            double weight = body.weights[kJoints * v + j];
+            if (weight == 0) continue;
+            blend.turn += weight * glm::mat3_cast(placed.turn[j]);
+            blend.move += weight * (placed.origin[j] - placed.turn[j] * rest[j]);
+        }
+        return blend;
+    }
+};
+
+GltfAnimation animate(const Rig& rig, std::span<const float> bindVerts, float ground,
+                      const Motion& motion) {
     CHECK(motion.size() > 0, "a motion has frames");
     GltfAnimation animation;
     animation.name = motion.name.empty() ? "motion" : motion.name;
     double fps = motion.fps > 0 ? motion.fps : 30;
     glm::dquat upright = uprightRotation(motion);
-    const std::array<float, 3>& root = scene.skeleton[0].position;
-    glm::dvec3 rest(root[0], root[1], root[2]), start(0);
+    Placement first = rig.place(motion.theta[0]);
+    double low = std::numeric_limits<double>::infinity();  // below the pelvis
+    for (size_t v = 0; v < bindVerts.size() / 3; ++v) {
+        Rig::Blend skin = rig.skin(first, v);
+        glm::dvec3 posed = skin.turn * vertex(bindVerts, v) + skin.move;
+        low = std::min(low, (upright * (posed - rig.rest[0])).y);
+    }
     for (size_t k = 0; k < motion.size(); ++k) {
         animation.times.push_back(static_cast<float>(static_cast<double>(k) / fps));
         for (size_t j = 0; j < kJoints; ++j) {
@@ -179,16 +199,53 @@ GltfAnimation animate(const GltfScene& scene, const Motion& motion, const glm::d
             for (double x : {q.x, q.y, q.z, q.w})
                 animation.rotations.push_back(static_cast<float>(x));
         }
-        // v = R(θ_0) (v' − j_0) + j_0 + t: the root stands at j_0 + t, whatever θ_0.
-        const Trans& t = motion.trans[k];
-        glm::dvec3 place = upright * (pelvis + glm::dvec3(t[0], t[1], t[2]));
-        if (k == 0) start = place;
-        glm::dvec3 moved = place - start - glm::dvec3(rest.x, 0, rest.z);
+        // v = R(theta_0) (v' - j_0) + j_0 + t: the pelvis is at j_0 + t, however it is turned.
+        const Trans &t = motion.trans[k], &start = motion.trans[0];
+        glm::dvec3 path =
+            upright * (glm::dvec3(t[0], t[1], t[2]) - glm::dvec3(start[0], start[1], start[2]));
+        glm::dvec3 rest = rig.rest[0] - glm::dvec3(0, ground, 0);
+        glm::dvec3 moved = path - glm::dvec3(0, low, 0) - rest;
         for (int c = 0; c < 3; ++c) animation.translations.push_back(static_cast<float>(moved[c]));
     }
-    auto lift = static_cast<float>(-lowestInFirstKey(scene, animation));
-    for (size_t i = 1; i < animation.translations.size(); i += 3) animation.translations[i] += lift;
     return animation;
+}
+
+// The vertices that skinning brings closest, in the mean of squares, to what the networks make of
+// these poses: per vertex three numbers from three equations for each pose. Body frame.
+std::vector<float> bindVertices(AvatarRenderer& renderer, const Rig& rig,
+                                std::vector<Theta> poses) {
+    auto count = static_cast<size_t>(rig.body.vertexCount);
+    std::vector<glm::dmat3> matrix(count, glm::dmat3(0));
+    std::vector<glm::dvec3> side(count, glm::dvec3(0));
+    for (Theta& theta : poses) {
+        std::fill_n(theta.begin(), 3, 0.0f);
+        std::vector<float> posed = renderer.vertices(theta, Trans{});
+        Placement placed = rig.place(theta);
+        for (size_t v = 0; v < count; ++v) {
+            Rig::Blend skin = rig.skin(placed, v);
+            matrix[v] += glm::transpose(skin.turn) * skin.turn;
+            side[v] += glm::transpose(skin.turn) * (vertex(posed, v) - skin.move);
+        }
+    }
+    std::vector<float> bind;
+    for (size_t v = 0; v < count; ++v) {
+        glm::dvec3 x = glm::inverse(matrix[v]) * side[v];
+        for (int c = 0; c < 3; ++c) bind.push_back(static_cast<float>(x[c]));
+    }
+    return bind;
+}
+
+// Arms lowered, as people stand: the network has seen that, but nobody in a T-pose. And what the
+// motion shows.
+std::vector<Theta> posesToMatch(const Motion* motion) {
+    constexpr size_t kFromMotion = 15;
+    std::vector<Theta> poses(1);
+    poses[0][3 * kLeftShoulder + 2] = -0.9f;
+    poses[0][3 * kRightShoulder + 2] = 0.9f;
+    if (!motion) return poses;
+    size_t step = (motion->size() + kFromMotion - 1) / kFromMotion;
+    for (size_t k = 0; k < motion->size(); k += step) poses.push_back(motion->theta[k]);
+    return poses;
 }
 
 }  // namespace
@@ -204,29 +261,27 @@ GltfScene avatarScene(const Avatar& avatar, std::span<const float> bindVerts,
     GltfScene scene;
     fillMesh(scene, bindVerts, areaNormals(bindVerts, body.faces), body.faces, body.uvs,
              body.uvFaces, body.weights, BodyModel::kJoints);
-    float lift = -lowest(bindVerts);
-    for (size_t i = 1; i < scene.positions.size(); i += 3) scene.positions[i] += lift;
-    std::vector<double> beta(avatar.betas.begin(), avatar.betas.end());
-    std::vector<double> joints = restJoints(body, beta);
+    float ground = lowest(bindVerts);
+    for (size_t i = 1; i < scene.positions.size(); i += 3) scene.positions[i] -= ground;
+    Rig rig(avatar);
     for (size_t j = 0; j < kJoints; ++j) {
-        const double* x = &joints[3 * j];
-        scene.skeleton.push_back({kJointNames[j],
-                                  std::max(body.parents[j], -1),
-                                  {static_cast<float>(x[0]), static_cast<float>(x[1]) + lift,
-                                   static_cast<float>(x[2])}});
+        std::array<float, 3> place;
+        for (size_t c = 0; c < 3; ++c)
+            place[c] = static_cast<float>(rig.rest[j][static_cast<int>(c)]);
+        place[1] -= ground;
+        scene.skeleton.push_back({kJointNames[j], std::max(body.parents[j], -1), place});
     }
     scene.baseColor = toImage(avatar.texture, avatar.textureSize, avatar.textureSize);
     fillBetweenCharts(scene.baseColor, chartTexels(body, avatar.textureSize));
     scene.unlit = scene.doubleSided = true;
-    if (motion)
-        scene.animation = animate(scene, *motion, glm::dvec3(joints[0], joints[1], joints[2]));
+    if (motion) scene.animation = animate(rig, bindVerts, ground, *motion);
     return scene;
 }
 
 void exportAvatar(Device& device, const Avatar& avatar, const std::filesystem::path& out,
                   const Motion* motion) {
     AvatarRenderer renderer(device, avatar);
-    std::vector<float> bind = renderer.vertices(Theta{}, Trans{});
+    std::vector<float> bind = bindVertices(renderer, Rig(avatar), posesToMatch(motion));
     for (float x : bind)
         if (!std::isfinite(x))
             throwInput(

@@ -1,8 +1,8 @@
 // Avatars for other programs: glTF with a skinned mesh, its texture and, if wanted, a motion.
 //
 // Skinning has one mesh for all poses, where the mesh network refines each pose anew. What is
-// exported is the mesh as it is refined in the T-pose; skinning moves its clothes and hair from
-// there on.
+// exported is the one T-pose mesh that skinning brings closest to the network's in a standing pose
+// and in those of the motion.
 #pragma once
 
 #include <filesystem>
