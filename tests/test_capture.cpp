@@ -176,6 +176,12 @@ TEST(Capture, WritesWhatItReads) {
         EXPECT_EQ(FrameCache(c).load(1)->rgb[0], 4);
     }
     EXPECT_EQ(fs::canonical(written.folder), fs::canonical(folder / "new" / "out"));
+    // Relative to where we are, with a slash at the end.
+    const fs::path before = fs::current_path();
+    fs::current_path(folder.path());
+    const Capture here = writeCapture(read, "here/");
+    EXPECT_EQ(fs::canonical(here.folder), fs::canonical(folder / "here"));
+    fs::current_path(before);
     // Over itself, pictures and all, and nothing beside it.
     writeCapture(read, folder / "new" / "out");
     EXPECT_EQ(readCapture(folder / "new" / "out").size(), 2u);

@@ -16,8 +16,9 @@ namespace {
 // The folder itself where the path goes through links, without a slash at its end.
 fs::path resolved(const fs::path& path) {
     std::error_code error;
-    fs::path result = fs::weakly_canonical(path, error);
-    if (error) result = fs::absolute(path).lexically_normal();
+    const fs::path absolute = fs::absolute(path).lexically_normal();
+    fs::path result = fs::weakly_canonical(absolute, error);
+    if (error) result = absolute;
     return result.has_filename() ? result : result.parent_path();
 }
 
