@@ -45,9 +45,18 @@ Groups planes(int64_t x, int64_t y, int64_t z, Specialisation& spec) {
     return {u32((x + size - 1) / size), u32(y), u32(z)};
 }
 
-// columns[images, rows, windows] of some images and windows.
-void gatherColumns(Graph& graph, const Windows& w, const Tensor& image, int64_t firstImage,
-                   int64_t images, int64_t firstWindow, int64_t windows, const Tensor& columns) {
+// Columns, what each window sees [rows, windows], as panels for the right side of a product: of
+// windows for weight · columns, of rows for maps · columns^T (see conv/columns.glsl).
+struct Columns {
+    Tensor tensor;
+    int64_t strideImage;
+};
+Columns gatherColumns(Graph& graph, const Windows& w, const Tensor& image, int64_t firstImage,
+                      int64_t images, int64_t firstWindow, int64_t windows, bool windowPanels) {
+    int64_t across = windowPanels ? windows : w.rows(), along = windowPanels ? w.rows() : windows;
+    int64_t width = gemmPanelWidth(graph.device(), across);
+    int64_t stride = (across + width - 1) / width * width * along;
+    Tensor columns = graph.temporary({images, stride});
     ColumnsParams params{.channels = u32(w.channels),
                          .height = u32(w.height),
                          .width = u32(w.width),
@@ -57,34 +66,47 @@ void gatherColumns(Graph& graph, const Windows& w, const Tensor& image, int64_t 
                          .images = u32(images),
                          .startImage = u32(firstImage * w.channels * w.pixels()),
                          .strideImage = u32(w.channels * w.pixels()),
+                         .strideColumns = u32(stride),
                          .padding = u32(w.padding),
                          .byOutWidth = divisorOf(uint64_t(w.outWidth))};
-    Specialisation spec = w.specialisation();
-    Groups groups = planes(windows, w.channels, images, spec);
-    graph.dispatchGroups("conv/columns.gather", {{"image", image}, {"columns", columns}}, params,
-                         groups, spec);
+    bool pairs = graph.device().info().int64 && w.kernelH == 4 && w.kernelW == 4 && w.stride == 2 &&
+                 w.padding == 1 && w.width % 2 == 0 && w.outWidth % 2 == 0;
+    Specialisation spec;
+    if (!pairs) spec = w.specialisation();
+    Groups groups = planes(pairs ? windows / 2 : windows, w.channels, images, spec);
+    spec["kWidth"] = u32(width);
+    spec["kWindowPanels"] = windowPanels;
+    graph.dispatchGroups(pairs ? "conv/columns_pairs.gather" : "conv/columns.gather",
+                         {{"image", image}, {"columns", columns}}, params, groups, spec);
+    return {columns, stride};
+}
+
+// Windows whose columns fit into one piece; even, and a multiple of any panel.
+int64_t windowsAtOnce(const Windows& w) {
+    constexpr int64_t kMultiple = 128;
+    int64_t fit = kColumnsElements / w.rows() / kMultiple * kMultiple;
+    return std::min(w.windows(), std::max(fit, kMultiple));
 }
 
 // maps[images, features, windows] = weight columns(image) (+ bias per feature)
 void gatherProduct(Graph& graph, const Windows& w, const Tensor& image, const Tensor& weight,
                    const Tensor& bias, const Tensor& maps) {
     int64_t images = std::clamp<int64_t>(kColumnsElements / (w.rows() * w.windows()), 1, w.images);
-    int64_t part = std::clamp<int64_t>(kColumnsElements / w.rows() / 64 * 64, 64, w.windows());
-    if (images > 1) part = w.windows();
+    int64_t part = images > 1 ? w.windows() : windowsAtOnce(w);
     for (int64_t n = 0; n < w.images; n += images)
         for (int64_t first = 0; first < w.windows(); first += part) {
             int64_t some = std::min(images, w.images - n);
             int64_t count = std::min(part, w.windows() - first);
-            Tensor columns = graph.temporary({some, w.rows(), count});
-            gatherColumns(graph, w, image, n, some, first, count, columns);
-            gemm(graph, weight, columns, maps,
+            Columns columns = gatherColumns(graph, w, image, n, some, first, count, true);
+            gemm(graph, weight, columns.tensor, maps,
                  {.m = w.features,
                   .n = count,
                   .k = w.rows(),
+                  .panelsB = true,
                   .ldc = w.windows(),
                   .startC = n * w.features * w.windows() + first,
                   .batch = some,
-                  .strideB = w.rows() * count,
+                  .strideB = columns.strideImage,
                   .strideC = w.features * w.windows(),
                   .bias = bias,
                   .biasPerRow = true});
@@ -94,18 +116,17 @@ void gatherProduct(Graph& graph, const Windows& w, const Tensor& image, const Te
 // dweight[features, rows] = sum over images and windows of maps columns(image)^T
 void weightProduct(Graph& graph, const Windows& w, const Tensor& image, const Tensor& maps,
                    const Tensor& dweight) {
-    int64_t part = std::clamp<int64_t>(kColumnsElements / w.rows() / 64 * 64, 64, w.windows());
+    int64_t part = windowsAtOnce(w);
     bool first = true;
     for (int64_t n = 0; n < w.images; ++n)
         for (int64_t window = 0; window < w.windows(); window += part) {
             int64_t count = std::min(part, w.windows() - window);
-            Tensor columns = graph.temporary({w.rows(), count});
-            gatherColumns(graph, w, image, n, 1, window, count, columns);
-            gemm(graph, maps, columns, dweight,
+            Columns columns = gatherColumns(graph, w, image, n, 1, window, count, false);
+            gemm(graph, maps, columns.tensor, dweight,
                  {.m = w.features,
                   .n = w.rows(),
                   .k = count,
-                  .transB = true,
+                  .panelsB = true,
                   .accumulate = !first,
                   .lda = w.windows(),
                   .startA = n * w.features * w.windows() + window});

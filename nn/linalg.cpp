@@ -20,20 +20,29 @@ int64_t ceilDiv(int64_t a, int64_t b) { return (a + b - 1) / b; }
 struct Plan {
     uint32_t lanes = 32, rows = 8, pairs = 2;
     bool onCpu = false;
+    bool panelsA = false, panelsB = false;  // packed first
     int64_t parts = 1, kPart = 0;
+
+    int64_t columns() const { return int64_t{2} * pairs * lanes; }
 };
 
-Plan plan(const Device& d, const Gemm& g) {
-    const DeviceInfo& device = d.info();
-    Plan p;
+int64_t alignSteps(int64_t k) { return ceilDiv(k, kGemmUnroll) * kGemmUnroll; }
+
+bool runsOnCpu(const Device& device) {
     // One subgroup per workgroup, which divides the pairs of A in a body of the loop. Descriptors
     // are for tests: the plain kernel is tested there.
-    p.onCpu = device.cpu && device.int64 && 16 % std::max(1u, device.subgroupSize) == 0 &&
-              d.binding() == Binding::Addresses;
+    return device.info().cpu && device.info().int64 &&
+           32 % std::max(1u, device.info().subgroupSize) == 0 &&
+           device.binding() == Binding::Addresses;
+}
+
+Plan plan(const Device& device, const Gemm& g) {
+    Plan p;
+    p.onCpu = runsOnCpu(device);
     if (p.onCpu) {
-        p.lanes = device.subgroupSize;
+        p.lanes = device.info().subgroupSize;
         // Time per row of a tile as measured on lavapipe; a tile may reach over the last row.
-        constexpr std::pair<uint32_t, double> kRowCosts[] = {{32, 1.0}, {16, 1.15}, {8, 1.95}};
+        constexpr std::pair<uint32_t, double> kRowCosts[] = {{32, 1.0}, {16, 1.25}, {8, 2}};
         double best = 0;
         for (auto [rows, cost] : kRowCosts) {
             double time = static_cast<double>(ceilDiv(g.m, rows) * rows) * cost;
@@ -42,21 +51,58 @@ Plan plan(const Device& d, const Gemm& g) {
                 p.rows = rows;
             }
         }
+        // Packing costs some five cycles per element, a product a quarter of one per element of A
+        // and column. Odd rows cannot be read in pairs, so that they gain more.
+        auto worth = [](int64_t uses, int64_t ld) { return uses >= (ld % 2 == 0 ? 256 : 64); };
+        p.panelsA = worth(g.n, g.lda);
+        p.panelsB = !g.panelsB && worth(g.m, g.ldb);
     }
-    if (g.n <= 2 * p.lanes) p.pairs = 1;
+    if (g.panelsB)
+        p.pairs = u32(gemmPanelWidth(device, g.n) / 2 / p.lanes);
+    else if (g.n <= 2 * p.lanes)
+        p.pairs = 1;
     // Long sums with few results are cut into parts, so that there is work for all cores.
-    int64_t tiles = ceilDiv(g.m, p.rows) * ceilDiv(g.n, 2 * p.pairs * p.lanes) * g.batch;
-    int64_t wanted = device.cpu ? 16 : 512, shortest = device.cpu ? 512 : 128;
+    int64_t tiles = ceilDiv(g.m, p.rows) * ceilDiv(g.n, p.columns()) * g.batch;
+    bool cpu = device.info().cpu;
+    int64_t wanted = cpu ? 16 : 512, shortest = cpu ? 512 : 128;
     p.parts = std::max<int64_t>(1, std::min(ceilDiv(wanted, tiles), g.k / shortest));
-    p.kPart = std::max<int64_t>(4, ceilDiv(ceilDiv(g.k, p.parts), 4) * 4);
+    p.kPart = std::max<int64_t>(kGemmUnroll, alignSteps(ceilDiv(g.k, p.parts)));
     p.parts = std::max<int64_t>(1, ceilDiv(g.k, p.kPart));
     return p;
 }
 
+// A matrix [batch, count, steps] by its strides as panels of width items.
+struct Source {
+    Tensor tensor;
+    int64_t start, batch, strideMatrix, count, strideItem, strideStep;
+};
+Tensor pack(Graph& graph, const Source& s, int64_t steps, int64_t stepsInPanel, uint32_t width) {
+    int64_t panels = ceilDiv(s.count, width);
+    Tensor packed = graph.temporary({s.batch, panels, stepsInPanel, width});
+    PanelsParams params{.count = u32(s.count),
+                        .steps = u32(steps),
+                        .stepsInPanel = u32(stepsInPanel),
+                        .start = u32(s.start),
+                        .strideMatrix = u32(s.strideMatrix),
+                        .strideItem = u32(s.strideItem),
+                        .strideStep = u32(s.strideStep),
+                        .panels = u32(panels)};
+    graph.dispatchGroups("linalg/panels.pack", {{"matrix", s.tensor}, {"packed", packed}}, params,
+                         {u32(ceilDiv(stepsInPanel * width, 64)), u32(panels), u32(s.batch)},
+                         {{"kWidth", width}});
+    return packed;
+}
+
 }  // namespace
+
+int64_t gemmPanelWidth(const Device& device, int64_t n) {
+    int64_t lanes = runsOnCpu(device) ? device.info().subgroupSize : 32;
+    return n <= 2 * lanes ? 2 * lanes : 4 * lanes;
+}
 
 void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const Gemm& shape) {
     Gemm g = shape;
+    CHECK(!g.panelsB || (!g.transB && g.ldb == 0 && g.startB == 0), "panels of B are packed");
     if (g.lda == 0) g.lda = g.transA ? g.m : g.k;
     if (g.ldb == 0) g.ldb = g.transB ? g.k : g.n;
     if (g.ldc == 0) g.ldc = g.n;
@@ -74,6 +120,32 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
     CHECK(!g.bias || g.bias.elements() == (g.biasPerRow ? g.m : g.n), "bias fits the product");
 
     Plan p = plan(graph.device(), g);
+    Tensor left = a, right = b;
+    uint32_t layoutA = g.transA ? kGemmTransposed : kGemmRows;
+    uint32_t layoutB = g.transB ? kGemmTransposed : g.panelsB ? kGemmPanels : kGemmRows;
+    if (g.panelsB) g.ldb = g.k * p.columns();
+    if (p.panelsA && g.k > 0) {
+        int64_t matrices = g.strideA == 0 ? 1 : g.batch, steps = alignSteps(g.k);
+        left = pack(
+            graph,
+            {a, g.startA, matrices, g.strideA, g.m, g.transA ? 1 : g.lda, g.transA ? g.lda : 1},
+            g.k, steps, p.rows);
+        layoutA = kGemmPanels;
+        g.startA = 0;
+        g.lda = steps * p.rows;
+        if (matrices > 1) g.strideA = ceilDiv(g.m, p.rows) * g.lda;
+    }
+    if (p.panelsB && g.k > 0) {
+        int64_t matrices = g.strideB == 0 ? 1 : g.batch;
+        right = pack(
+            graph,
+            {b, g.startB, matrices, g.strideB, g.n, g.transB ? g.ldb : 1, g.transB ? 1 : g.ldb},
+            g.k, g.k, u32(p.columns()));
+        layoutB = kGemmPanels;
+        g.startB = 0;
+        g.ldb = g.k * p.columns();
+        if (matrices > 1) g.strideB = ceilDiv(g.n, p.columns()) * g.ldb;
+    }
     bool split = p.parts > 1;
     Tensor out = split ? graph.temporary({p.parts, g.batch, g.m, g.n}) : c;
     if (split) {
@@ -98,36 +170,39 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
                       .kPart = u32(p.kPart),
                       .strideCPart = split ? u32(strideCPart) : 0};
     uint32_t biasKind = !g.bias ? 0 : g.biasPerRow ? 2 : 1;
-    auto even = [](std::initializer_list<int64_t> values) {
-        return uint32_t{std::ranges::all_of(values, [](int64_t v) { return v % 2 == 0; })};
-    };
     Specialisation spec{{"local_size", p.lanes},
                         {"kLanes", p.lanes},
                         {"kRows", p.rows},
                         {"kPairs", p.pairs},
-                        {"kTransA", g.transA},
-                        {"kTransB", g.transB},
+                        {"kLayoutA", layoutA},
+                        {"kLayoutB", layoutB},
                         {"kAccumulate", !split && g.accumulate},
                         {"kBias", split ? 0 : biasKind}};
-    Groups groups{u32(ceilDiv(g.m, p.rows)), u32(ceilDiv(g.n, 2 * p.pairs * p.lanes)),
+    Groups groups{u32(ceilDiv(g.m, p.rows)), u32(ceilDiv(g.n, p.columns())),
                   u32(p.parts * g.batch)};
     Tensor bias = g.bias ? g.bias : graph.none();
     if (p.onCpu) {
-        spec["kEvenA"] = even({g.lda, g.startA, g.strideA, g.transA ? g.m : g.k});
-        spec["kEvenB"] = even({g.ldb, g.startB, g.strideB, g.transB ? g.k : g.n});
+        auto even = [](std::initializer_list<int64_t> values) {
+            return uint32_t{std::ranges::all_of(values, [](int64_t v) { return v % 2 == 0; })};
+        };
+        spec["kEvenA"] =
+            layoutA == kGemmPanels || even({g.lda, g.startA, g.strideA, g.transA ? g.m : g.k});
+        spec["kEvenB"] =
+            layoutB == kGemmPanels || even({g.ldb, g.startB, g.strideB, g.transB ? g.k : g.n});
         spec["kEvenC"] = even({g.ldc, g.startC, g.strideC, g.n, params.strideCPart});
         graph.dispatchGroups("linalg/gemm_pairs.tile",
-                             {{"a", a},
-                              {"b", b},
+                             {{"a", left},
+                              {"b", right},
                               {"c", out},
                               {"bias", bias},
-                              {"aPairs", a},
-                              {"bPairs", b},
+                              {"aPairs", left},
+                              {"bPairs", right},
                               {"cPairs", out}},
                              params, groups, spec);
     } else {
-        graph.dispatchGroups("linalg/gemm.tile", {{"a", a}, {"b", b}, {"c", out}, {"bias", bias}},
-                             params, groups, spec);
+        graph.dispatchGroups("linalg/gemm.tile",
+                             {{"a", left}, {"b", right}, {"c", out}, {"bias", bias}}, params,
+                             groups, spec);
     }
     if (!split) return;
     GemmReduceParams reduce{.elements = u32(strideCPart),

@@ -10,6 +10,8 @@ namespace doppel {
 struct Gemm {
     int64_t m = 0, n = 0, k = 0;
     bool transA = false, transB = false;
+    // B lies in panels [batch, ceil(n / width), k, width] of gemmPanelWidth() columns.
+    bool panelsB = false;
     bool accumulate = false;  // C += op(A) op(B)
     // Elements from one stored row to the next; 0: the rows are packed.
     int64_t lda = 0, ldb = 0, ldc = 0;
@@ -19,6 +21,9 @@ struct Gemm {
     Tensor bias;  // added to every row [n], or, biasPerRow, to every column [m]
     bool biasPerRow = false;
 };
+
+// How many columns of B a panel has, for a B of n columns.
+int64_t gemmPanelWidth(const Device& device, int64_t n);
 
 // Adds the dispatches of a product to the current op, forward or backward; no gradient of its own.
 // Sums have a fixed order: the same bits every run. Rows of an even number of elements are read

@@ -40,6 +40,11 @@ TEST(Linalg, MatmulBatch) { checkMatmul(3, 8, 10, 6); }
 TEST(Linalg, MatmulOne) { checkMatmul(1, 1, 1, 1); }
 TEST(Linalg, MatmulPair) { checkMatmul(2, 2, 2, 2); }
 TEST(Linalg, MatmulPrime) { checkMatmul(1, 127, 3, 131); }
+// Large enough to be packed into panels.
+TEST(Linalg, MatmulPanels) {
+    checkMatmul(2, 66, 258, 10);
+    checkMatmul(1, 65, 67, 5);
+}
 // Few results, long sums: cut into parts.
 TEST(Linalg, MatmulLong) { checkMatmul(2, 5, 6, 4099); }
 

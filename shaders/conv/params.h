@@ -4,8 +4,7 @@
 #include "common/shared.h"
 SHARED_BEGIN
 // Windows of kernel size slide over an image [channels, height, width] with a stride and padding;
-// outHeight x outWidth of them fit. columns[channels * kernelH * kernelW, windows] holds what each
-// sees. Kernel and stride are specialisation constants.
+// outHeight x outWidth of them fit. Kernel and stride are specialisation constants.
 struct ColumnsParams {
     uint channels, height, width;
     uint outWidth;
@@ -13,6 +12,7 @@ struct ColumnsParams {
     uint firstWindow;   // the part's first, counted row by row
     uint images;        // of the batch
     uint startImage, strideImage;  // elements to the first image, from one to the next
+    uint strideColumns;
     uint padding;
     Divisor byOutWidth;
 };

@@ -6,6 +6,10 @@
 // element per lane is a gather there, costs some thirty multiply-adds and no less when all lanes
 // want the same address, but as much for eight bytes as for four. So values are loaded in pairs,
 // each value of A by one lane only, and handed out by subgroupBroadcast.
+//
+// A and B are read as they lie, transposed, or in panels: what a tile needs of A (kRows rows) or B
+// (its columns), step of k by step of k, without gaps. Rows that are a power of two apart fall into
+// the same few lines of a CPU's cache; panels do not.
 #include "linalg/params.h"
 
 #if PAIRS
@@ -14,20 +18,20 @@
 #define BUFFERS 4
 #endif
 PARAMS(GemmParams, BUFFERS)
-BUFFER(0, readonly, float, a);       // [batch, m, k], transposed [batch, k, m]
-BUFFER(1, readonly, float, b);       // [batch, k, n], transposed [batch, n, k]
-BUFFER(2, readwrite, float, c);      // [parts, batch, m, n]
-BUFFER(3, readonly, float, bias);    // [n] or [m], see kBias
+BUFFER(0, readonly, float, a);     // rows [batch, m, k]; transposed [batch, k, m]; panels
+BUFFER(1, readonly, float, b);     // rows [batch, k, n]; transposed [batch, n, k]; panels
+BUFFER(2, readwrite, float, c);    // [parts, batch, m, n]
+BUFFER(3, readonly, float, bias);  // [n] or [m], see kBias
 #if PAIRS
-BUFFER(4, readonly, uint64_t, aPairs);   // the same memory
+BUFFER(4, readonly, uint64_t, aPairs);  // the same memory
 BUFFER(5, readonly, uint64_t, bPairs);
 BUFFER(6, readwrite, uint64_t, cPairs);
 #endif
 
 layout(constant_id = 1) const uint kRows = 8;  // a multiple of 8
 layout(constant_id = 2) const uint kPairs = 2;
-layout(constant_id = 3) const bool kTransA = false;
-layout(constant_id = 4) const bool kTransB = false;
+layout(constant_id = 3) const uint kLayoutA = 0;  // kGemmRows, kGemmTransposed, kGemmPanels
+layout(constant_id = 4) const uint kLayoutB = 0;
 layout(constant_id = 5) const bool kAccumulate = false;
 layout(constant_id = 6) const uint kBias = 0;  // 1: one per column, 2: one per row
 // Whether pairs of A, B, C start at even elements and none is cut by the matrix's end.
@@ -36,16 +40,30 @@ layout(constant_id = 8) const bool kEvenB = false;
 layout(constant_id = 9) const bool kEvenC = false;
 layout(constant_id = 10) const uint kLanes = 8;
 
-
-const uint kUnroll = 4;                               // steps of k in the loop's body
-const uint kLoadsA = kRows * kUnroll / 2 / kLanes;    // pairs per lane and body
+// Steps of k in the loop's body: a loop's sums pass through masks on lavapipe at every turn.
+#if PAIRS
+const uint kUnroll = kGemmUnroll;
+#else
+const uint kUnroll = 2;
+#endif
+const bool kTransA = kLayoutA != kGemmRows;        // pairs of A are neighbouring rows, not steps
+const bool kTransB = kLayoutB == kGemmTransposed;  // pairs of B are neighbouring steps
+const uint kLoadsA = kRows * kUnroll / 2 / kLanes;  // pairs per lane and body of the loop
 
 #if PAIRS
 vec2 unpackPair(uint64_t pair) { return uintBitsToFloat(unpackUint2x32(pair)); }
 #endif
 
-// A[row, k] and A[row, k + 1]; transposed, A[row, k] and A[row + 1, k]. Zero from end on.
+// A[row, k] and A[row, k + 1]; kTransA: A[row, k] and A[row + 1, k]. Zero from end on.
 vec2 loadA(uint base, uint row, uint k, uint end) {
+    if (kLayoutA == kGemmPanels) {  // zero behind the end as they are
+        uint at = base + k * kRows + row;
+#if PAIRS
+        return unpackPair(aPairs.d[at / 2]);
+#else
+        return vec2(a.d[at], a.d[at + 1]);
+#endif
+    }
     uint last = end - 1;
     uint first, second;
     if (kTransA) {
@@ -79,25 +97,37 @@ void gemmTile() {
 #else
     uint lane = gl_LocalInvocationID.x;
 #endif
-    uint m = params.m, n = params.n, lda = params.lda, ldb = params.ldb;
-    uint row = gl_WorkGroupID.x * kRows;
+    uint m = params.m, n = params.n, ldb = params.ldb;
+    uint tileRow = gl_WorkGroupID.x * kRows, tileColumn = gl_WorkGroupID.y * 2 * kPairs * kLanes;
     uint part = gl_WorkGroupID.z / params.batch, matrix = gl_WorkGroupID.z % params.batch;
     uint baseA = params.startA + matrix * params.strideA;
     uint baseB = params.startB + matrix * params.strideB;
     uint begin = part * params.kPart, end = min(params.k, begin + params.kPart);
+    uint row = tileRow;  // of A, from baseA
+    if (kLayoutA == kGemmPanels) {
+        baseA += gl_WorkGroupID.x * params.lda;
+        row = 0;
+    }
 
     vec2 sum[kRows][kPairs];
     uint column[kPairs], startB[kPairs], nextB[kPairs];
     [[unroll]] for (uint j = 0; j < kPairs; ++j) {
-        column[j] = 2 * ((gl_WorkGroupID.y * kPairs + j) * kLanes + lane);
-        startB[j] = min(column[j], kEvenB && !kTransB ? n - 2 : n - 1);
-        nextB[j] = min(column[j] + 1, n - 1);
-        startB[j] = baseB + (kTransB ? startB[j] * ldb : startB[j]);
-        nextB[j] = baseB + (kTransB ? nextB[j] * ldb : nextB[j]);
+        uint within = 2 * (j * kLanes + lane);
+        column[j] = tileColumn + within;
+        if (kLayoutB == kGemmPanels) {
+            startB[j] = baseB + gl_WorkGroupID.y * params.ldb + within;
+            nextB[j] = startB[j] + 1;
+        } else {
+            startB[j] = min(column[j], kEvenB && !kTransB ? n - 2 : n - 1);
+            nextB[j] = min(column[j] + 1, n - 1);
+            startB[j] = baseB + (kTransB ? startB[j] * ldb : startB[j]);
+            nextB[j] = baseB + (kTransB ? nextB[j] * ldb : nextB[j]);
+        }
         [[unroll]] for (uint i = 0; i < kRows; ++i) sum[i][j] = vec2(0);
     }
+    uint stepB = kLayoutB == kGemmPanels ? 2 * kPairs * kLanes : ldb;
 
-    // Steps behind the end read the last one again, times a zero from A.
+    // Steps behind the end read the last one of B again, times a zero from A.
     for (uint k = begin; k < end; k += kUnroll) {
 #if PAIRS
         vec2 pairA[kLoadsA];
@@ -118,8 +148,8 @@ void gemmTile() {
                     b0[j] = vec2(left.x, right.x);
                     b1[j] = vec2(left.y, right.y);
                 } else {
-                    b0[j] = loadB(startB[j] + k0 * ldb, nextB[j] + k0 * ldb);
-                    b1[j] = loadB(startB[j] + k1 * ldb, nextB[j] + k1 * ldb);
+                    b0[j] = loadB(startB[j] + k0 * stepB, nextB[j] + k0 * stepB);
+                    b1[j] = loadB(startB[j] + k1 * stepB, nextB[j] + k1 * stepB);
                 }
             }
             [[unroll]] for (uint i = 0; i < kRows; ++i) {
@@ -130,11 +160,8 @@ void gemmTile() {
                 float a0 = subgroupBroadcast(kTransA && (i & 1) == 1 ? p0.y : p0.x, e0 % kLanes);
                 float a1 = subgroupBroadcast(kTransA && (i & 1) == 0 ? p1.x : p1.y, e1 % kLanes);
 #else
-                uint r = min(row + i, m - 1);
-                float a0 = a.d[baseA + (kTransA ? k0 * lda + r : r * lda + k0)];
-                float a1 = a.d[baseA + (kTransA ? k1 * lda + r : r * lda + k1)];
-                if (k + u + 1 >= end) a1 = 0;
-                if (k + u >= end) a0 = 0;
+                vec2 p = loadA(baseA, row + i, k + u, end);
+                float a0 = p.x, a1 = kTransA ? loadA(baseA, row + i, k + u + 1, end).x : p.y;
 #endif
                 [[unroll]] for (uint j = 0; j < kPairs; ++j) {
                     sum[i][j] += a0 * b0[j];
@@ -149,7 +176,7 @@ void gemmTile() {
         if (column[j] >= n) continue;
         bool both = column[j] + 1 < n;
         [[unroll]] for (uint i = 0; i < kRows; ++i) {
-            uint r = row + i, at = baseC + r * params.ldc + column[j];
+            uint r = tileRow + i, at = baseC + r * params.ldc + column[j];
             if (r < m) {
                 vec2 v = sum[i][j];
                 if (kBias == 1) v += vec2(bias.d[column[j]], bias.d[min(column[j] + 1, n - 1)]);

@@ -2,9 +2,17 @@
 #define LINALG_PARAMS_H
 #include "common/shared.h"
 SHARED_BEGIN
+#ifdef __cplusplus
+#define SHARED_CONSTANT constexpr
+#else
+#define SHARED_CONSTANT const
+#endif
+// How a matrix lies in memory.
+SHARED_CONSTANT uint kGemmRows = 0, kGemmTransposed = 1, kGemmPanels = 2;
+SHARED_CONSTANT uint kGemmUnroll = 8;  // parts and panels have a multiple of so many steps of k
 struct GemmParams {
     uint m, n, k;
-    uint lda, ldb, ldc;                 // elements from row to row, as stored
+    uint lda, ldb, ldc;                 // elements from row to row, as stored; panel to panel
     uint startA, startB, startC;        // first element
     uint strideA, strideB, strideC;     // elements from one matrix of the batch to the next
     uint batch;                         // workgroup z = part * batch + matrix
@@ -16,6 +24,13 @@ struct GemmReduceParams {
     uint m, n;
     uint ldc, startC, strideC;
     uint parts;  // [parts, batch, m, n] are summed in order
+};
+struct PanelsParams {
+    uint count, steps;       // rows of A or columns of B, and k
+    uint stepsInPanel;       // k, rounded up: zero behind k
+    uint start, strideMatrix;
+    uint strideItem, strideStep;  // elements from one row or column, from one step to the next
+    uint panels;
 };
 struct SumParams {
     uint outer, count, inner;  // x[outer, count, inner]
