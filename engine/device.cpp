@@ -161,6 +161,7 @@ DeviceInfo describe(VkPhysicalDevice physical, uint32_t index) {
             info.memoryBytes = std::max(info.memoryBytes, memory.memoryHeaps[i].size);
 
     if (!features12.scalarBlockLayout) info.refusals.push_back("no scalarBlockLayout");
+    if (!info.int64) info.refusals.push_back("no 64-bit integers in shaders (shaderInt64)");
     if (!computeFamily(physical)) info.refusals.push_back("no compute queue");
     if (limits.maxComputeWorkGroupInvocations < 256)
         info.refusals.push_back(fmt::format("workgroups of {} invocations at most; 256 are needed",
@@ -251,7 +252,7 @@ Device::Device(DeviceOptions options) {
         VkDeviceCreateInfo deviceInfo{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO};
         deviceInfo.pNext = &features12;
         VkPhysicalDeviceFeatures features{};
-        features.shaderInt64 = info_.int64 ? VK_TRUE : VK_FALSE;
+        features.shaderInt64 = VK_TRUE;
         deviceInfo.pEnabledFeatures = &features;
         deviceInfo.queueCreateInfoCount = 1;
         deviceInfo.pQueueCreateInfos = &queueInfo;

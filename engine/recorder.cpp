@@ -88,7 +88,8 @@ VkDescriptorSet Recorder::descriptorSet(const Kernel& kernel, std::span<const Bu
                 "buffer {} of kernel {} has {} bytes; this device's descriptors reach {} "
                 "(a device with buffer addresses has no such limit)",
                 used[i].name, kernel.name(), view.bytes, device_.info().maxStorageBufferBytes);
-        buffers[i] = {view.buffer->handle(), view.offset, view.bytes};
+        // Up to where padding ends: pairs of elements may reach into it.
+        buffers[i] = {view.buffer->handle(), view.offset, alignUp(view.bytes, 16)};
         writes[i] = {
             VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET, nullptr, set,         used[i].slot, 0, 1,
             VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,      nullptr, &buffers[i], nullptr};

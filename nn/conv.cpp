@@ -12,7 +12,7 @@ namespace {
 
 // The columns of a layer, what each window sees, are several times its images; they are made for
 // as many images, windows or channels at once as fit into this.
-constexpr int64_t kColumnsElements = int64_t{4} << 20;
+constexpr int64_t kColumnsElements = int64_t{1} << 20;
 
 // Windows over images, as in conv/params.h. A convolution gathers from them, its transpose sums
 // into them; either way weight is [features, channels * kernel] with one feature map per window.

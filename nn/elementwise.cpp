@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "common/pairs.h"
 #include "elementwise/params.h"
 #include "nn/op.h"
 
@@ -10,6 +11,7 @@ namespace doppel {
 namespace {
 
 uint32_t count(const Tensor& x) { return static_cast<uint32_t>(x.elements()); }
+uint64_t pairs(const Tensor& x) { return pairInvocations(uint64_t(x.elements())); }
 
 // y = f(x); backward from y and dy, so that x need not be kept.
 Tensor mapOfY(Graph& graph, const char* name, const Tensor& x, const char* forward,
@@ -17,11 +19,11 @@ Tensor mapOfY(Graph& graph, const char* name, const Tensor& x, const char* forwa
     Tensor y = graph.temporary(x.shape);
     ElementParams params{count(x)};
     graph.beginOp(name);
-    graph.dispatch(forward, {{"x", x}, {"y", y}}, params, count(x));
+    graph.dispatch(forward, {{"x", x}, {"y", y}}, params, pairs(x));
     graph.differentiate({x}, {y}, [=, &graph] {
         Tensor dx = graph.gradientTarget(x);
         graph.dispatch(backward, {{"y", y}, {"dy", graph.gradient(y)}, {"dx", dx}}, params,
-                       count(x));
+                       pairs(x));
     });
     return y;
 }
@@ -34,11 +36,11 @@ Tensor rectify(Graph& graph, const char* name, const Tensor& x, float slope) {
     Tensor y = graph.temporary(x.shape);
     LeakyReluParams params{count(x), slope};
     graph.beginOp(name);
-    graph.dispatch("elementwise/leaky_relu.forward", {{"x", x}, {"y", y}}, params, count(x));
+    graph.dispatch("elementwise/leaky_relu.forward", {{"x", x}, {"y", y}}, params, pairs(x));
     graph.differentiate({x}, {y}, [=, &graph] {
         Tensor dx = graph.gradientTarget(x);
         graph.dispatch("elementwise/leaky_relu.backward",
-                       {{"y", y}, {"dy", graph.gradient(y)}, {"dx", dx}}, params, count(x));
+                       {{"y", y}, {"dy", graph.gradient(y)}, {"dx", dx}}, params, pairs(x));
     });
     return y;
 }
@@ -64,11 +66,11 @@ Tensor scaleShift(Graph& graph, const Tensor& x, float scale, float shift) {
     Tensor y = graph.temporary(x.shape);
     ScaleShiftParams params{count(x), scale, shift};
     graph.beginOp("scale_shift");
-    graph.dispatch("elementwise/scale_shift.forward", {{"x", x}, {"y", y}}, params, count(x));
+    graph.dispatch("elementwise/scale_shift.forward", {{"x", x}, {"y", y}}, params, pairs(x));
     graph.differentiate({x}, {y}, [=, &graph] {
         Tensor dx = graph.gradientTarget(x);
         graph.dispatch("elementwise/scale_shift.backward", {{"dy", graph.gradient(y)}, {"dx", dx}},
-                       params, count(x));
+                       params, pairs(x));
     });
     return y;
 }
@@ -77,11 +79,11 @@ Tensor clamp(Graph& graph, const Tensor& x, float low, float high) {
     Tensor y = graph.temporary(x.shape);
     ClampParams params{count(x), low, high};
     graph.beginOp("clamp");
-    graph.dispatch("elementwise/clamp.forward", {{"x", x}, {"y", y}}, params, count(x));
+    graph.dispatch("elementwise/clamp.forward", {{"x", x}, {"y", y}}, params, pairs(x));
     graph.differentiate({x}, {y}, [=, &graph] {
         Tensor dx = graph.gradientTarget(x);
         graph.dispatch("elementwise/clamp.backward",
-                       {{"x", x}, {"dy", graph.gradient(y)}, {"dx", dx}}, params, count(x));
+                       {{"x", x}, {"dy", graph.gradient(y)}, {"dx", dx}}, params, pairs(x));
     });
     return y;
 }
@@ -91,8 +93,8 @@ Tensor add(Graph& graph, const Tensor& a, const Tensor& b) {
           toString(b.shape));
     Tensor y = graph.temporary(a.shape);
     graph.beginOp("add");
-    graph.dispatch("elementwise/add.forward", {{"a", a}, {"b", b}, {"y", y}}, AddParams{count(a)},
-                   count(a));
+    graph.dispatch("elementwise/add.forward", {{"a", a}, {"b", b}, {"y", y}},
+                   ElementParams{count(a)}, pairs(a));
     graph.differentiate({a, b}, {y}, [=, &graph] {
         for (const Tensor& input : {a, b})
             if (graph.wantsGradient(input))
@@ -108,7 +110,7 @@ Tensor multiply(Graph& graph, const Tensor& a, const Tensor& b) {
     ElementParams params{count(a)};
     auto product = [=, &graph](const Tensor& left, const Tensor& right, const Tensor& target) {
         graph.dispatch("elementwise/multiply.forward", {{"a", left}, {"b", right}, {"y", target}},
-                       params, params.n);
+                       params, pairs(a));
     };
     graph.beginOp("multiply");
     product(a, b, y);
@@ -120,7 +122,28 @@ Tensor multiply(Graph& graph, const Tensor& a, const Tensor& b) {
     return y;
 }
 
-Tensor concat(Graph& graph, const Tensor& a, const Tensor& b, int axis) {
+namespace {
+
+// One side of a concatenation, forward or backward.
+void concatPart(Graph& graph, bool backward, const Tensor& part, const Tensor& y, const Tensor& dy,
+                int64_t inner, int64_t innerAll, int64_t start, bool rectified) {
+    ConcatParams params{count(part), static_cast<uint32_t>(inner), static_cast<uint32_t>(innerAll),
+                        static_cast<uint32_t>(start), divisorOf(uint64_t(inner))};
+    bool even = inner % 2 == 0 && innerAll % 2 == 0 && start % 2 == 0;
+    uint64_t invocations = even ? pairs(part) : count(part);
+    Specialisation spec{{"kRelu", rectified}};
+    if (!backward)
+        graph.dispatch(even ? "elementwise/concat.forward_pairs" : "elementwise/concat.forward",
+                       {{even ? "parts" : "part", part}, {even ? "ys" : "y", y}}, params,
+                       invocations, spec);
+    else
+        graph.dispatch(
+            even ? "elementwise/concat.backward_pairs" : "elementwise/concat.backward",
+            {{even ? "dys" : "dy", dy}, {even ? "ys" : "y", y}, {even ? "dparts" : "dpart", part}},
+            params, invocations, spec);
+}
+
+Tensor concatenated(Graph& graph, const Tensor& a, const Tensor& b, int axis, bool rectified) {
     CHECK(axis >= 0 && size_t(axis) < a.shape.size() && a.shape.size() == b.shape.size(),
           "{} and {} have an axis {}", toString(a.shape), toString(b.shape), axis);
     Shape shape = a.shape;
@@ -136,29 +159,31 @@ Tensor concat(Graph& graph, const Tensor& a, const Tensor& b, int axis) {
             innerB *= b.shape[d];
         }
     }
+    CHECK(elementCount(shape) < (int64_t{1} << 31), "{} has less than 2^31 elements",
+          toString(shape));
     Tensor y = graph.temporary(shape);
-    CHECK(y.elements() < (int64_t{1} << 31), "{} has less than 2^31 elements", toString(shape));
-    ConcatParams params{count(y), static_cast<uint32_t>(innerA), static_cast<uint32_t>(innerB),
-                        divisorOf(uint64_t(innerA + innerB))};
-    graph.beginOp("concat");
-    graph.dispatch("elementwise/concat.forward", {{"a", a}, {"b", b}, {"y", y}}, params, count(y));
+    int64_t inner = innerA + innerB;
+    graph.beginOp(rectified ? "concat_relu" : "concat");
+    concatPart(graph, false, a, y, {}, innerA, inner, 0, rectified);
+    concatPart(graph, false, b, y, {}, innerB, inner, innerA, rectified);
     graph.differentiate({a, b}, {y}, [=, &graph] {
-        Tensor dy = graph.gradient(y);
-        ConcatParams part = params;
-        if (graph.wantsGradient(a)) {
-            part.n = count(a);
-            part.byInner = divisorOf(uint64_t(innerA));
-            graph.dispatch("elementwise/concat.backward_a",
-                           {{"dy", dy}, {"da", graph.gradientTarget(a)}}, part, part.n);
-        }
-        if (graph.wantsGradient(b)) {
-            part.n = count(b);
-            part.byInner = divisorOf(uint64_t(innerB));
-            graph.dispatch("elementwise/concat.backward_b",
-                           {{"dy", dy}, {"db", graph.gradientTarget(b)}}, part, part.n);
-        }
+        Tensor dy = graph.gradient(y), kept = rectified ? y : dy;
+        if (graph.wantsGradient(a))
+            concatPart(graph, true, graph.gradientTarget(a), kept, dy, innerA, inner, 0, rectified);
+        if (graph.wantsGradient(b))
+            concatPart(graph, true, graph.gradientTarget(b), kept, dy, innerB, inner, innerA,
+                       rectified);
     });
     return y;
+}
+
+}  // namespace
+
+Tensor concat(Graph& graph, const Tensor& a, const Tensor& b, int axis) {
+    return concatenated(graph, a, b, axis, false);
+}
+Tensor concatRelu(Graph& graph, const Tensor& a, const Tensor& b, int axis) {
+    return concatenated(graph, a, b, axis, true);
 }
 
 Tensor dropout(Graph& graph, const Tensor& x, float rate, uint32_t stream) {
@@ -168,18 +193,18 @@ Tensor dropout(Graph& graph, const Tensor& x, float rate, uint32_t stream) {
     DropoutParams params{count(x), stream, threshold, 1 / (1 - rate)};
     graph.beginOp("dropout");
     graph.dispatch("elementwise/dropout.forward", {{"x", x}, {"y", y}, {"step", step}}, params,
-                   params.n);
+                   pairs(x));
     graph.differentiate({x}, {y}, [=, &graph] {
         Tensor dx = graph.gradientTarget(x);
         graph.dispatch("elementwise/dropout.forward",
-                       {{"x", graph.gradient(y)}, {"y", dx}, {"step", step}}, params, params.n);
+                       {{"x", graph.gradient(y)}, {"y", dx}, {"step", step}}, params, pairs(x));
     });
     return y;
 }
 
 void addInto(Graph& graph, const Tensor& total, const Tensor& more) {
     graph.dispatch("elementwise/add.into", {{"total", total}, {"more", more}},
-                   AddParams{count(total)}, count(total));
+                   ElementParams{count(total)}, pairs(total));
 }
 
 // ---- for op_runner ------------------------------------------------------------------------------
@@ -192,7 +217,7 @@ void sameShape(OpCall& c) {
                    toString(c["b"].shape));
 }
 
-Tensor checkedConcat(OpCall& c) {
+Tensor checkedConcat(OpCall& c, bool rectified) {
     uint32_t axis = c.u("axis");
     Shape a = c["a"].shape, b = c["b"].shape;
     if (axis >= a.size() || b.size() != a.size())
@@ -201,7 +226,7 @@ Tensor checkedConcat(OpCall& c) {
     if (a != b)
         throwInput("b: expected the shape of a {} outside axis {}, found {}", toString(a), axis,
                    toString(c["b"].shape));
-    return concat(c.graph, c["a"], c["b"], static_cast<int>(axis));
+    return concatenated(c.graph, c["a"], c["b"], static_cast<int>(axis), rectified);
 }
 
 Tensor checkedDropout(OpCall& c) {
@@ -291,7 +316,15 @@ static const Op kConcat{{
     .attributes = "axis=1",
     .outputs = "y",
     .differentiable = "a b",
-    .build = [](OpCall& c) { c.result("y", checkedConcat(c)); },
+    .build = [](OpCall& c) { c.result("y", checkedConcat(c, false)); },
+}};
+static const Op kConcatRelu{{
+    .name = "concat_relu",
+    .inputs = "a b",
+    .attributes = "axis=1",
+    .outputs = "y",
+    .differentiable = "a b",
+    .build = [](OpCall& c) { c.result("y", checkedConcat(c, true)); },
 }};
 // Seed and step are 0 here.
 static const Op kDropout{{

@@ -25,6 +25,8 @@ Tensor multiply(Graph& graph, const Tensor& a, const Tensor& b);
 // a and b one after the other along an axis: [N,C,H,W] and [N,D,H,W] give [N,C+D,H,W] for axis 1.
 // The other dimensions agree. Gradients to both.
 Tensor concat(Graph& graph, const Tensor& a, const Tensor& b, int axis = 1);
+// The same with the negative elements zero, in one pass.
+Tensor concatRelu(Graph& graph, const Tensor& a, const Tensor& b, int axis = 1);
 
 // Zero with probability rate, else x / (1 - rate). What is dropped is a hash of the seed and the
 // step in graph.step(), of stream (different for each dropout of a network) and of the element.

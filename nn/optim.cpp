@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "common/pairs.h"
 #include "nn/linalg.h"
 #include "nn/op.h"
 #include "optim/params.h"
@@ -26,14 +27,14 @@ Tensor whole(Graph& graph, const Parameters& parameters, Parameters::Section sec
 
 void dispatchAdamW(Graph& graph, const Tensor& value, const Tensor& gradient, const Tensor& moment1,
                    const Tensor& moment2, const Tensor& step, const AdamWOptions& options) {
-    auto n = static_cast<uint64_t>(value.elements());
     graph.dispatch("optim/adamw.all",
-                   {{"value", value},
-                    {"gradient", gradient},
-                    {"moment1", moment1},
-                    {"moment2", moment2},
+                   {{"values", value},
+                    {"gradients", gradient},
+                    {"moments1", moment1},
+                    {"moments2", moment2},
                     {"step", step}},
-                   paramsOf(options, value.elements(), 1), n);
+                   paramsOf(options, value.elements(), 1),
+                   pairInvocations(uint64_t(value.elements())));
 }
 
 }  // namespace

@@ -106,8 +106,7 @@ Tensor TextureUnet::forward(Graph& graph, const Tensor& x, Mode mode) const {
     }
     for (int64_t j = 1; j <= n; ++j) {
         std::string layer = numbered("dec", j);
-        if (j > 1) h = concat(graph, h, encoded[size_t(n - j)]);
-        h = relu(graph, h);
+        h = j > 1 ? concatRelu(graph, h, encoded[size_t(n - j)]) : relu(graph, h);
         h = convTranspose2d(graph, h, weight(layer), bias(layer), kStride, kPadding);
         if (j == n) break;
         h = normalise(graph, h, layer, mode);

@@ -96,27 +96,31 @@ TEST(Elementwise, Concat) {
     } cases[] = {{{1, 1}, {1, 1}, 1},
                  {{13, 7}, {13, 3}, 1},
                  {{2, 3, 5, 7}, {2, 1, 5, 7}, 1},
+                 {{2, 3, 5, 8}, {2, 5, 5, 8}, 1},
                  {{3, 4}, {2, 4}, 0}};
     for (const auto& c : cases)
-        checkOp("concat", {.inputs = {{"a", random(c.a, 1)}, {"b", random(c.b, 2)}},
-                           .attributes = {{"axis", c.axis}},
-                           .reference = [&](const Values& v) -> Values {
-                               const Value &a = v.at("a"), &b = v.at("b");
-                               Value y{a.shape, {}};
-                               size_t axis = size_t(c.axis), outer = 1;
-                               y.shape[axis] += b.shape[axis];
-                               for (size_t d = 0; d < axis; ++d) outer *= size_t(a.shape[d]);
-                               size_t na = a.data.size() / outer, nb = b.data.size() / outer;
-                               for (size_t o = 0; o < outer; ++o) {
-                                   auto add = [&](const Value& from, size_t n) {
-                                       for (size_t i = 0; i < n; ++i)
-                                           y.data.push_back(from.data[o * n + i]);
-                                   };
-                                   add(a, na);
-                                   add(b, nb);
-                               }
-                               return {{"y", y}};
-                           }});
+        for (const char* op : {"concat", "concat_relu"})
+            checkOp(op, {.inputs = {{"a", random(c.a, 1)}, {"b", random(c.b, 2)}},
+                         .attributes = {{"axis", c.axis}},
+                         .reference = [&](const Values& v) -> Values {
+                             const Value &a = v.at("a"), &b = v.at("b");
+                             Value y{a.shape, {}};
+                             size_t axis = size_t(c.axis), outer = 1;
+                             y.shape[axis] += b.shape[axis];
+                             for (size_t d = 0; d < axis; ++d) outer *= size_t(a.shape[d]);
+                             size_t na = a.data.size() / outer, nb = b.data.size() / outer;
+                             for (size_t o = 0; o < outer; ++o) {
+                                 auto add = [&](const Value& from, size_t n) {
+                                     for (size_t i = 0; i < n; ++i)
+                                         y.data.push_back(from.data[o * n + i]);
+                                 };
+                                 add(a, na);
+                                 add(b, nb);
+                             }
+                             if (op == std::string("concat_relu"))
+                                 for (double& value : y.data) value = std::max(value, 0.0);
+                             return {{"y", y}};
+                         }});
 }
 
 TEST(Elementwise, Dropout) {

@@ -7,7 +7,8 @@
 //     BUFFER(1, writeonly, float, y);            // [n]
 //     ENTRY(forward) { uint i = linearIndex(); if (i >= params.n) return; y.d[i] = ...; }
 //
-// A buffer's elements are name.d[i]. Buffers start at multiples of 16 bytes. An entry is given only
+// A buffer's elements are name.d[i]. Buffers start and end (with padding) at
+// multiples of 16 bytes. An entry is given only
 // the buffers that it uses. In the flavour "addresses" they travel behind the parameters as push
 // constants: sizeof(parameters) + 8 bytes per buffer must stay within 128 bytes.
 #extension GL_EXT_scalar_block_layout : require

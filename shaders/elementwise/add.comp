@@ -1,22 +1,23 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
+#include "common/pairs.glsl"
 #include "elementwise/params.h"
-PARAMS(AddParams, 5)
-BUFFER(0, readwrite, float, total);  // [n]
-BUFFER(1, readonly, float, more);    // [n]
-BUFFER(2, readonly, float, a);       // [n]
-BUFFER(3, readonly, float, b);       // [n]
-BUFFER(4, writeonly, float, y);      // [n]
+PARAMS(ElementParams, 5)
+BUFFER(0, readwrite, uint64_t, total);  // [n], in pairs
+BUFFER(1, readonly, uint64_t, more);    // [n]
+BUFFER(2, readonly, uint64_t, a);       // [n]
+BUFFER(3, readonly, uint64_t, b);       // [n]
+BUFFER(4, writeonly, uint64_t, y);      // [n]
 
 ENTRY(into) {
-    uint i = linearIndex();
-    if (i >= params.n) return;
-    total.d[i] += more.d[i];
+    uint n = params.n;
+    EACH_PAIR(i, n)
+        total.d[i] = packPair(unpackPair(total.d[i]) + unpackPair(more.d[i]));
 }
 
 ENTRY(forward) {
-    uint i = linearIndex();
-    if (i >= params.n) return;
-    y.d[i] = a.d[i] + b.d[i];
+    uint n = params.n;
+    EACH_PAIR(i, n)
+        y.d[i] = packPair(unpackPair(a.d[i]) + unpackPair(b.d[i]));
 }

@@ -1,22 +1,26 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
+#include "common/pairs.glsl"
 #include "elementwise/params.h"
 PARAMS(ClampParams, 4)
-BUFFER(0, readonly, float, x);    // [n]
-BUFFER(1, writeonly, float, y);   // [n]
-BUFFER(2, readonly, float, dy);   // [n]
-BUFFER(3, writeonly, float, dx);  // [n]
+BUFFER(0, readonly, uint64_t, x);    // [n], in pairs
+BUFFER(1, writeonly, uint64_t, y);   // [n]
+BUFFER(2, readonly, uint64_t, dy);   // [n]
+BUFFER(3, writeonly, uint64_t, dx);  // [n]
 
 ENTRY(forward) {
-    uint i = linearIndex();
-    if (i >= params.n) return;
-    y.d[i] = clamp(x.d[i], params.low, params.high);
+    uint n = params.n;
+    EACH_PAIR(i, n) {
+        vec2 v = unpackPair(x.d[i]);
+        y.d[i] = packPair(clamp(v, params.low, params.high));
+    }
 }
 
 ENTRY(backward) {
-    uint i = linearIndex();
-    if (i >= params.n) return;
-    float v = x.d[i];
-    dx.d[i] = v < params.low || v > params.high ? 0 : dy.d[i];
+    uint n = params.n;
+    EACH_PAIR(i, n) {
+        vec2 v = unpackPair(x.d[i]), g = unpackPair(dy.d[i]);
+        dx.d[i] = packPair(mix(g, vec2(0), notEqual(v, clamp(v, params.low, params.high))));
+    }
 }

@@ -1,18 +1,22 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
-#include "elementwise/params.h"
+#include "common/pairs.glsl"
 #include "common/random.h"
 #include "common/step_params.h"
+#include "elementwise/params.h"
 PARAMS(DropoutParams, 3)
-BUFFER(0, readonly, float, x);          // [n]; backward: dy
-BUFFER(1, writeonly, float, y);         // [n]; backward: dx
+BUFFER(0, readonly, uint64_t, x);       // [n], in pairs; backward: dy
+BUFFER(1, writeonly, uint64_t, y);      // [n]; backward: dx
 BUFFER(2, readonly, StepParams, step);  // [1]
 
 // Its own gradient: the same elements are dropped, the others scaled.
 ENTRY(forward) {
-    uint i = linearIndex();
-    if (i >= params.n) return;
-    uint bits = randomBits(step.d[0].seed, step.d[0].step, params.stream, i);
-    y.d[i] = bits < params.threshold ? 0 : params.scale * x.d[i];
+    uint n = params.n, seed = step.d[0].seed, now = step.d[0].step;
+    EACH_PAIR(i, n) {
+        uint first = randomBits(seed, now, params.stream, 2 * i);
+        uint second = randomBits(seed, now, params.stream, 2 * i + 1);
+        bvec2 stays = bvec2(first >= params.threshold, second >= params.threshold);
+        y.d[i] = packPair(mix(vec2(0), params.scale * unpackPair(x.d[i]), stays));
+    }
 }

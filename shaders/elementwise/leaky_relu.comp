@@ -1,22 +1,31 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
+#include "common/pairs.glsl"
 #include "elementwise/params.h"
 PARAMS(LeakyReluParams, 4)
-BUFFER(0, readonly, float, x);    // [n]
-BUFFER(1, readwrite, float, y);   // [n]
-BUFFER(2, readonly, float, dy);   // [n]
-BUFFER(3, writeonly, float, dx);  // [n]
+BUFFER(0, readonly, uint64_t, x);    // [n], in pairs
+BUFFER(1, readwrite, uint64_t, y);   // [n]
+BUFFER(2, readonly, uint64_t, dy);   // [n]
+BUFFER(3, writeonly, uint64_t, dx);  // [n]
 
-ENTRY(forward) {
-    uint i = linearIndex();
-    if (i >= params.n) return;
-    float v = x.d[i];
-    y.d[i] = v > 0 ? v : params.slope * v;
+vec2 select(vec2 sign, vec2 v, float slope) {
+    return mix(slope * v, v, greaterThan(sign, vec2(0)));
 }
 
+ENTRY(forward) {
+    uint n = params.n;
+    float slope = params.slope;
+    EACH_PAIR(i, n) {
+        vec2 v = unpackPair(x.d[i]);
+        y.d[i] = packPair(select(v, v, slope));
+    }
+}
+
+// The sign of y is that of x.
 ENTRY(backward) {
-    uint i = linearIndex();
-    if (i >= params.n) return;
-    dx.d[i] = y.d[i] > 0 ? dy.d[i] : params.slope * dy.d[i];
+    uint n = params.n;
+    float slope = params.slope;
+    EACH_PAIR(i, n)
+        dx.d[i] = packPair(select(unpackPair(y.d[i]), unpackPair(dy.d[i]), slope));
 }

@@ -7,9 +7,6 @@ struct LeakyReluParams {
     uint n;       // elements
     float slope;  // of the negative side
 };
-struct AddParams {
-    uint n;
-};
 struct ElementParams {
     uint n;
 };
@@ -21,10 +18,12 @@ struct ClampParams {
     uint n;
     float low, high;
 };
+// Copies a part [outer, inner] from or to its place in [outer, innerAll].
 struct ConcatParams {
-    uint n;               // elements of y; backward: of da or db
-    uint innerA, innerB;  // y[outer, innerA + innerB]
-    Divisor byInner;      // innerA + innerB; backward: innerA or innerB
+    uint n;  // elements of the part
+    uint inner, innerAll;
+    uint start;  // of the part in a row
+    Divisor byInner;
 };
 struct DropoutParams {
     uint n;

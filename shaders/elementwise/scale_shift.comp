@@ -1,21 +1,26 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
+#include "common/pairs.glsl"
 #include "elementwise/params.h"
 PARAMS(ScaleShiftParams, 4)
-BUFFER(0, readonly, float, x);    // [n]
-BUFFER(1, writeonly, float, y);   // [n]
-BUFFER(2, readonly, float, dy);   // [n]
-BUFFER(3, writeonly, float, dx);  // [n]
+BUFFER(0, readonly, uint64_t, x);    // [n], in pairs
+BUFFER(1, writeonly, uint64_t, y);   // [n]
+BUFFER(2, readonly, uint64_t, dy);   // [n]
+BUFFER(3, writeonly, uint64_t, dx);  // [n]
 
 ENTRY(forward) {
-    uint i = linearIndex();
-    if (i >= params.n) return;
-    y.d[i] = params.scale * x.d[i] + params.shift;
+    uint n = params.n;
+    EACH_PAIR(i, n) {
+        vec2 v = unpackPair(x.d[i]);
+        y.d[i] = packPair(params.scale * v + params.shift);
+    }
 }
 
 ENTRY(backward) {
-    uint i = linearIndex();
-    if (i >= params.n) return;
-    dx.d[i] = params.scale * dy.d[i];
+    uint n = params.n;
+    EACH_PAIR(i, n) {
+        vec2 g = unpackPair(dy.d[i]);
+        dx.d[i] = packPair(params.scale * g);
+    }
 }

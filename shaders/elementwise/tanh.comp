@@ -1,22 +1,26 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
+#include "common/pairs.glsl"
 #include "elementwise/params.h"
 PARAMS(ElementParams, 4)
-BUFFER(0, readonly, float, x);    // [n]
-BUFFER(1, readwrite, float, y);   // [n]
-BUFFER(2, readonly, float, dy);   // [n]
-BUFFER(3, writeonly, float, dx);  // [n]
+BUFFER(0, readonly, uint64_t, x);    // [n], in pairs
+BUFFER(1, readwrite, uint64_t, y);   // [n]
+BUFFER(2, readonly, uint64_t, dy);   // [n]
+BUFFER(3, writeonly, uint64_t, dx);  // [n]
 
 ENTRY(forward) {
-    uint i = linearIndex();
-    if (i >= params.n) return;
-    y.d[i] = tanh(x.d[i]);
+    uint n = params.n;
+    EACH_PAIR(i, n) {
+        vec2 v = unpackPair(x.d[i]);
+        y.d[i] = packPair(tanh(v));
+    }
 }
 
 ENTRY(backward) {
-    uint i = linearIndex();
-    if (i >= params.n) return;
-    float t = y.d[i];
-    dx.d[i] = (1 - t * t) * dy.d[i];
+    uint n = params.n;
+    EACH_PAIR(i, n) {
+        vec2 v = unpackPair(y.d[i]), g = unpackPair(dy.d[i]);
+        dx.d[i] = packPair((1 - v * v) * g);
+    }
 }

@@ -2,36 +2,56 @@
 // AdamW (Loshchilov and Hutter, Decoupled Weight Decay Regularization, ICLR 2019), in place.
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
+#include "common/pairs.glsl"
 #include "common/step_params.h"
 #include "optim/params.h"
-PARAMS(AdamWParams, 5)
-BUFFER(0, readwrite, float, value);     // [n]; rows: [rows, n]
-BUFFER(1, readonly, float, gradient);   // [n]
-BUFFER(2, readwrite, float, moment1);   // as value
-BUFFER(3, readwrite, float, moment2);   // as value
-BUFFER(4, readonly, StepParams, step);  // [1]
+PARAMS(AdamWParams, 9)
+BUFFER(0, readwrite, float, value);         // [rows, n]
+BUFFER(1, readonly, float, gradient);       // [n]
+BUFFER(2, readwrite, float, moment1);       // [rows, n]
+BUFFER(3, readwrite, float, moment2);       // [rows, n]
+BUFFER(4, readonly, StepParams, step);      // [1]
+BUFFER(5, readwrite, uint64_t, values);     // [n], in pairs
+BUFFER(6, readonly, uint64_t, gradients);   // [n]
+BUFFER(7, readwrite, uint64_t, moments1);   // [n]
+BUFFER(8, readwrite, uint64_t, moments2);   // [n]
 
-void update(uint at, float g) {
-    StepParams now = step.d[0];
-    float rate = params.rateScale * now.learningRate;
-    float m = params.beta1 * moment1.d[at] + (1 - params.beta1) * g;
-    float v = params.beta2 * moment2.d[at] + (1 - params.beta2) * g * g;
-    float root = sqrt(v) / sqrt(now.beta2Correction) + params.epsilon;
-    float x = value.d[at] * (1 - rate * params.weightDecay);
-    moment1.d[at] = m;
-    moment2.d[at] = v;
-    value.d[at] = x - rate / now.beta1Correction * m / root;
+struct Step {
+    float decay, rate, rootOfCorrection;
+};
+Step stepNow() {
+    float rate = params.rateScale * step.d[0].learningRate;
+    return Step(1 - rate * params.weightDecay, rate / step.d[0].beta1Correction,
+                sqrt(step.d[0].beta2Correction));
+}
+
+void update(Step now, inout vec2 x, inout vec2 m, inout vec2 v, vec2 g) {
+    m = params.beta1 * m + (1 - params.beta1) * g;
+    v = params.beta2 * v + (1 - params.beta2) * g * g;
+    x = now.decay * x - now.rate * m / (sqrt(v) / now.rootOfCorrection + params.epsilon);
 }
 
 ENTRY(all) {
-    uint i = linearIndex();
-    if (i >= params.n) return;
-    update(i, gradient.d[i]);
+    uint n = params.n;
+    Step now = stepNow();
+    EACH_PAIR(i, n) {
+        vec2 x = unpackPair(values.d[i]), m = unpackPair(moments1.d[i]);
+        vec2 v = unpackPair(moments2.d[i]);
+        update(now, x, m, v, unpackPair(gradients.d[i]));
+        values.d[i] = packPair(x);
+        moments1.d[i] = packPair(m);
+        moments2.d[i] = packPair(v);
+    }
 }
 
 // Only the row of this step's frame.
 ENTRY(row) {
     uint i = linearIndex();
     if (i >= params.n) return;
-    update(min(step.d[0].frame, params.rows - 1) * params.n + i, gradient.d[i]);
+    uint at = min(step.d[0].frame, params.rows - 1) * params.n + i;
+    vec2 x = vec2(value.d[at]), m = vec2(moment1.d[at]), v = vec2(moment2.d[at]);
+    update(stepNow(), x, m, v, vec2(gradient.d[i]));
+    value.d[at] = x.x;
+    moment1.d[at] = m.x;
+    moment2.d[at] = v.x;
 }
