@@ -259,35 +259,42 @@ Tensor convTranspose2d(Graph& graph, const Tensor& x, const Tensor& weight, cons
 namespace {
 
 Tensor batchNorm(Graph& graph, const Tensor& x, const Tensor& weight, const Tensor& bias,
-                 float epsilon, const RunningStatistics& running, float momentum, bool training) {
+                 const BatchNormOptions& options, const RunningStatistics& running, bool training) {
     int64_t N = x.dim(0), C = x.dim(1), pixels = x.dim(2) * x.dim(3);
     CHECK(weight.elements() == C && bias.elements() == C, "weight and bias have {} channels", C);
     CHECK(!running.mean || (running.mean.elements() == C && running.variance.elements() == C),
           "running statistics have {} channels", C);
     CHECK(training || running.mean, "evaluation has running statistics");
-    int64_t threads = std::min<int64_t>(pixels, 256);
-    BatchNormParams params{u32(N), u32(C), u32(pixels), u32(threads), epsilon, momentum};
+    CHECK(options.slope >= 0, "the slope {} is not negative", options.slope);
+    bool pairs = pixels % 2 == 0;
+    int64_t elements = pairs ? pixels / 2 : pixels;
+    int64_t threads = std::min<int64_t>(elements, 64);
+    BatchNormParams params{u32(N),          u32(C),           u32(pixels),  u32(threads),
+                           options.epsilon, options.momentum, options.slope};
+    // Workgroups for sums and for passes of four elements per invocation.
+    Specialisation forSums, forPasses;
+    Groups sums = planes(threads, C, 1, forSums);
+    Groups passes = planes((elements + 3) / 4, C, N, forPasses);
     Tensor y = graph.temporary(x.shape);
     Tensor mean = graph.temporary({C}), deviation = graph.temporary({C});
     graph.beginOp(training ? "batch_norm2d" : "batch_norm2d_evaluation");
     if (training) {
         Tensor partial = graph.temporary({C, threads});
-        Specialisation spec;
-        Groups groups = planes(threads, C, 1, spec);
         uint32_t update = running.mean ? 1 : 0;
-        spec["kCentred"] = 0;
-        graph.dispatchGroups("conv/batch_norm.sum",
-                             {{"x", x}, {"partial", partial}, {"mean", mean}}, params, groups,
-                             spec);
+        auto sum = [&](uint32_t centred) {
+            Specialisation spec = forSums;
+            spec["kCentred"] = centred;
+            graph.dispatchGroups(
+                pairs ? "conv/batch_norm_pairs.sum_values" : "conv/batch_norm_pixels.sum_values",
+                {{"x", x}, {"partial", partial}, {"mean", mean}}, params, sums, spec);
+        };
+        sum(0);
         graph.dispatch("conv/batch_norm.mean",
                        {{"sums", partial},
                         {"mean", mean},
                         {"runningMean", update ? running.mean : graph.none()}},
                        params, uint64_t(C), {{"kRunning", update}});
-        spec["kCentred"] = 1;
-        graph.dispatchGroups("conv/batch_norm.sum",
-                             {{"x", x}, {"partial", partial}, {"mean", mean}}, params, groups,
-                             spec);
+        sum(1);
         graph.dispatch("conv/batch_norm.deviation",
                        {{"sums", partial},
                         {"deviation", deviation},
@@ -301,45 +308,49 @@ Tensor batchNorm(Graph& graph, const Tensor& x, const Tensor& weight, const Tens
                         {"runningVariance", running.variance}},
                        params, uint64_t(C));
     }
-    Specialisation spec;
-    Groups groups = planes(pixels, C, N, spec);
-    graph.dispatchGroups("conv/batch_norm.forward",
-                         {{"x", x},
-                          {"mean", mean},
-                          {"deviation", deviation},
-                          {"weight", weight},
-                          {"bias", bias},
-                          {"y", y}},
-                         params, groups, spec);
+    graph.dispatchGroups(
+        pairs ? "conv/batch_norm_pairs.normalise" : "conv/batch_norm_pixels.normalise",
+        {{"x", x},
+         {"mean", mean},
+         {"deviation", deviation},
+         {"weight", weight},
+         {"bias", bias},
+         {"y", y}},
+        params, passes, forPasses);
     graph.differentiate({x, weight, bias}, {y}, [=, &graph] {
         Tensor dy = graph.gradient(y), partial = graph.temporary({2, C, threads});
-        Tensor dweight =
-            graph.wantsGradient(weight) ? graph.gradientTarget(weight) : graph.temporary({C});
-        Tensor dbias =
-            graph.wantsGradient(bias) ? graph.gradientTarget(bias) : graph.temporary({C});
-        Specialisation some;
-        Groups sums = planes(threads, C, 1, some);
+        auto target = [&](const Tensor& input) {
+            return graph.wantsGradient(input) ? graph.gradientTarget(input) : graph.temporary({C});
+        };
+        Tensor dweight = target(weight), dbias = target(bias);
         graph.dispatchGroups(
-            "conv/batch_norm_backward.sum",
-            {{"x", x}, {"dy", dy}, {"mean", mean}, {"deviation", deviation}, {"partial", partial}},
-            params, sums, some);
+            pairs ? "conv/batch_norm_pairs.sum_gradients" : "conv/batch_norm_pixels.sum_gradients",
+            {{"x", x},
+             {"dy", dy},
+             {"mean", mean},
+             {"deviation", deviation},
+             {"weight", weight},
+             {"bias", bias},
+             {"partial", partial}},
+            params, sums, forSums);
         graph.dispatch("conv/batch_norm_backward.parameters",
                        {{"sums", partial}, {"dweight", dweight}, {"dbias", dbias}}, params,
                        uint64_t(C));
         if (!graph.wantsGradient(x)) return;
-        Specialisation whole;
-        Groups all = planes(pixels, C, N, whole);
-        whole["kTraining"] = training;
-        graph.dispatchGroups("conv/batch_norm_backward.input",
+        Specialisation spec = forPasses;
+        spec["kTraining"] = training;
+        graph.dispatchGroups(pairs ? "conv/batch_norm_pairs.input_gradient"
+                                   : "conv/batch_norm_pixels.input_gradient",
                              {{"x", x},
                               {"dy", dy},
                               {"mean", mean},
                               {"deviation", deviation},
                               {"weight", weight},
+                              {"bias", bias},
                               {"dweight", dweight},
                               {"dbias", dbias},
-                              {"dx", graph.gradientTarget(x)}},
-                             params, all, whole);
+                              {"y", graph.gradientTarget(x)}},
+                             params, passes, spec);
     });
     return y;
 }
@@ -347,13 +358,14 @@ Tensor batchNorm(Graph& graph, const Tensor& x, const Tensor& weight, const Tens
 }  // namespace
 
 Tensor batchNorm2d(Graph& graph, const Tensor& x, const Tensor& weight, const Tensor& bias,
-                   float epsilon, const RunningStatistics& running, float momentum) {
-    return batchNorm(graph, x, weight, bias, epsilon, running, momentum, true);
+                   const BatchNormOptions& options, const RunningStatistics& running) {
+    return batchNorm(graph, x, weight, bias, options, running, true);
 }
 
 Tensor batchNorm2dEvaluation(Graph& graph, const Tensor& x, const Tensor& weight,
-                             const Tensor& bias, const RunningStatistics& running, float epsilon) {
-    return batchNorm(graph, x, weight, bias, epsilon, running, 0, false);
+                             const Tensor& bias, const BatchNormOptions& options,
+                             const RunningStatistics& running) {
+    return batchNorm(graph, x, weight, bias, options, running, false);
 }
 
 // ---- for op_runner ------------------------------------------------------------------------------
@@ -378,6 +390,8 @@ void checkTransposed(const OpCall& c) {
 }
 
 void checkPositive(const OpCall& c) {
+    if (c.attribute("slope") < 0)
+        throwInput("attr_slope: expected 0 or more, found {}", c.attribute("slope"));
     if (c.attribute("eps") <= 0)
         throwInput("attr_eps: expected a positive number, found {}", c.attribute("eps"));
     if (c["x"].elements() == 0) throwInput("x: expected pixels, found {}", toString(c["x"].shape));
@@ -414,27 +428,28 @@ static const Op kConvTranspose2d{{
 static const Op kBatchNorm2d{{
     .name = "batch_norm2d",
     .inputs = "x[N,C,H,W] weight[C] bias[C]",
-    .attributes = "eps",
+    .attributes = "eps slope=1",
     .outputs = "y",
     .differentiable = "x weight bias",
     .build =
         [](OpCall& c) {
             checkPositive(c);
-            c.result("y", batchNorm2d(c.graph, c["x"], c["weight"], c["bias"], c.f("eps")));
+            c.result("y", batchNorm2d(c.graph, c["x"], c["weight"], c["bias"],
+                                      {.epsilon = c.f("eps"), .slope = c.f("slope")}));
         },
 }};
 static const Op kBatchNorm2dEvaluation{{
     .name = "batch_norm2d_evaluation",
     .inputs = "x[N,C,H,W] weight[C] bias[C] running_mean[C] running_variance[C]",
-    .attributes = "eps",
+    .attributes = "eps slope=1",
     .outputs = "y",
     .differentiable = "x weight bias",
     .build =
         [](OpCall& c) {
             checkPositive(c);
-            c.result("y",
-                     batchNorm2dEvaluation(c.graph, c["x"], c["weight"], c["bias"],
-                                           {c["running_mean"], c["running_variance"]}, c.f("eps")));
+            c.result("y", batchNorm2dEvaluation(c.graph, c["x"], c["weight"], c["bias"],
+                                                {.epsilon = c.f("eps"), .slope = c.f("slope")},
+                                                {c["running_mean"], c["running_variance"]}));
         },
 }};
 

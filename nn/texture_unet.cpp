@@ -67,7 +67,7 @@ void TextureUnet::allocate(Device& device) {
     statistics_.allocate(device);
 }
 
-Tensor TextureUnet::normalise(Graph& graph, const Tensor& x, const std::string& layer,
+Tensor TextureUnet::normalise(Graph& graph, const Tensor& x, const std::string& layer, float slope,
                               Mode mode) const {
     auto attached = [&](const std::string& what) {
         const Parameters::Entry* entry = statistics_.find(layer + what);
@@ -77,9 +77,9 @@ Tensor TextureUnet::normalise(Graph& graph, const Tensor& x, const std::string& 
     RunningStatistics running{attached("_bn.running_mean"), attached("_bn.running_var")};
     Tensor weight = graph.parameter(parameters_, layer + "_bn.weight");
     Tensor bias = graph.parameter(parameters_, layer + "_bn.bias");
-    constexpr float kEpsilon = 1e-5f;
-    return mode.training ? batchNorm2d(graph, x, weight, bias, kEpsilon, running)
-                         : batchNorm2dEvaluation(graph, x, weight, bias, running, kEpsilon);
+    BatchNormOptions options{.slope = slope};
+    return mode.training ? batchNorm2d(graph, x, weight, bias, options, running)
+                         : batchNorm2dEvaluation(graph, x, weight, bias, options, running);
 }
 
 Tensor TextureUnet::forward(Graph& graph, const Tensor& x, Mode mode) const {
@@ -99,9 +99,10 @@ Tensor TextureUnet::forward(Graph& graph, const Tensor& x, Mode mode) const {
     Tensor h = x;
     for (int64_t i = 1; i <= n; ++i) {
         std::string layer = numbered("enc", i);
-        if (i > 1) h = leakyRelu(graph, h, kSlope);
         h = conv2d(graph, h, weight(layer), bias(layer), kStride, kPadding);
-        if (i > 1 && i < n) h = normalise(graph, h, layer, mode);
+        if (i == n) break;
+        // The step up applies a ReLU, for which a leaky one before makes no difference.
+        h = i == 1 ? leakyRelu(graph, h, kSlope) : normalise(graph, h, layer, kSlope, mode);
         encoded.push_back(h);
     }
     for (int64_t j = 1; j <= n; ++j) {
@@ -109,7 +110,7 @@ Tensor TextureUnet::forward(Graph& graph, const Tensor& x, Mode mode) const {
         h = j > 1 ? concatRelu(graph, h, encoded[size_t(n - j)]) : relu(graph, h);
         h = convTranspose2d(graph, h, weight(layer), bias(layer), kStride, kPadding);
         if (j == n) break;
-        h = normalise(graph, h, layer, mode);
+        h = normalise(graph, h, layer, 1, mode);
         if (mode.dropout && j >= 2 && j <= 5)
             h = dropout(graph, h, kDropout, streamOf(name_ + "." + layer));
     }

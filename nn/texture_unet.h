@@ -51,7 +51,8 @@ private:
     int64_t features(int64_t step) const;  // after step 1 … downs
     void declare(const std::string& layer, Shape weight, bool normalised, int64_t out,
                  uint32_t seed);
-    Tensor normalise(Graph& graph, const Tensor& x, const std::string& layer, Mode mode) const;
+    Tensor normalise(Graph& graph, const Tensor& x, const std::string& layer, float slope,
+                     Mode mode) const;
 
     TextureUnetConfig config_;
     std::string name_;

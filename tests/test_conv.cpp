@@ -154,23 +154,25 @@ Value normalise(const Values& v, bool training) {
             variance = v.at("running_variance").data[c];
         }
         each([&](size_t i) {
-            y.data[i] = (x.data[i] - mean) / std::sqrt(variance + v.at("eps").data[0]) *
-                            v.at("weight").data[c] +
-                        v.at("bias").data[c];
+            double value = (x.data[i] - mean) / std::sqrt(variance + v.at("eps").data[0]) *
+                               v.at("weight").data[c] +
+                           v.at("bias").data[c];
+            y.data[i] = value > 0 ? value : v.at("slope").data[0] * value;
         });
     }
     return y;
 }
 
 TEST(Conv, BatchNorm2d) {
-    for (Shape shape : {Shape{5, 1, 1, 1}, Shape{1, 13, 7, 1}, Shape{3, 2, 5, 127}}) {
+    for (Shape shape :
+         {Shape{5, 1, 1, 1}, Shape{1, 13, 7, 1}, Shape{3, 2, 5, 127}, Shape{2, 3, 6, 40}}) {
         int64_t C = shape[1];
         Values inputs = {
             {"x", random(shape, 1)}, {"weight", random({C}, 2)}, {"bias", random({C}, 3)}};
         // Far from zero, where a mean of squares would lose the variance.
         for (double& x : inputs.at("x").data) x += 10;
         checkOp("batch_norm2d", {.inputs = inputs,
-                                 .attributes = {{"eps", 1e-5}},
+                                 .attributes = {{"eps", 1e-5}, {"slope", shape[3] == 40 ? 0.2 : 1}},
                                  .reference = [](const Values& v) -> Values {
                                      return {{"y", normalise(v, true)}};
                                  },
@@ -178,11 +180,12 @@ TEST(Conv, BatchNorm2d) {
         for (double& x : inputs.at("x").data) x -= 10;
         inputs["running_mean"] = random({C}, 4);
         inputs["running_variance"] = uniform({C}, 0.5, 2, 5);
-        checkOp("batch_norm2d_evaluation", {.inputs = inputs,
-                                            .attributes = {{"eps", 1e-5}},
-                                            .reference = [](const Values& v) -> Values {
-                                                return {{"y", normalise(v, false)}};
-                                            }});
+        checkOp("batch_norm2d_evaluation",
+                {.inputs = inputs,
+                 .attributes = {{"eps", 1e-5}, {"slope", shape[3] == 40 ? 0.2 : 1}},
+                 .reference = [](const Values& v) -> Values {
+                     return {{"y", normalise(v, false)}};
+                 }});
     }
 }
 
@@ -195,7 +198,7 @@ TEST(Conv, RunningStatisticsFollowTheBatches) {
     Tensor x = graph.input({2, 1, 1, 2}), w = graph.input({1}), b = graph.input({1});
     RunningStatistics running{graph.attach({&memory, 0, 4}, {1}),
                               graph.attach({&memory, 16, 4}, {1})};
-    graph.output(batchNorm2d(graph, x, w, b, 1e-5f, running, 0.1f));
+    graph.output(batchNorm2d(graph, x, w, b, {}, running));
     graph.compile({.poison = true});
     graph.write(x, std::vector<float>{1, 3, 3, 5});
     graph.write(w, std::vector<float>{1});

@@ -30,6 +30,7 @@ struct BatchNormParams {
     uint threads;                   // partial sums per channel
     float epsilon;
     float momentum;  // of the running statistics
+    float slope;     // of a leaky ReLU behind; 1: none
 };
 SHARED_END
 #endif
