@@ -113,10 +113,13 @@ void runDemo(const DemoOptions& options) {
     std::vector<Shot> turn, dance;
     for (int i = 0; i < 72; ++i) turn.push_back(turned(rest, i / 72.0));
     Motion greetings{"", "greeting", 24, {}, {}, {}, {}};
-    for (const MotionFrame& frame : greeting(72, rest.trans[2])) {
-        dance.push_back({frame.theta, rest.trans, rest.camera});
+    Trans stage = rest.trans;
+    stage[1] *= 0.8f;  // further away, with room for raised hands
+    stage[2] *= 1.25f;
+    for (const MotionFrame& frame : greeting(72, stage[2])) {
+        dance.push_back({frame.theta, stage, rest.camera});
         greetings.theta.push_back(frame.theta);
-        greetings.trans.push_back(rest.trans);
+        greetings.trans.push_back(stage);
     }
     auto grey = [&](size_t) { return plainBackground("#9aa4ad", rest.camera); };
     renderShots(device, person, turn, grey, out / "turntable.mp4", 24, "turntable");

@@ -138,7 +138,8 @@ Preset presetByName(std::string_view name) {
         preset.texture.textureSize = 256;
         preset.texture.depth = 8;
         preset.texture.width = 12;
-        preset.texture.steps = 200;
+        preset.texture.dropout = 0;
+        preset.texture.steps = 400;
         return preset;
     }
     throwInput("--preset: expected one of {}, found \"{}\"", fmt::join(presetNames(), ", "), name);
