@@ -65,6 +65,7 @@ std::array<float, 3> uprightOrientation(float yaw, float pitch) {
     glm::quat flip = glm::angleAxis(kPi, glm::vec3(1, 0, 0));  // y up to y down, z to the camera
     glm::quat q =
         flip * glm::angleAxis(pitch, glm::vec3(1, 0, 0)) * glm::angleAxis(yaw, glm::vec3(0, 1, 0));
+    if (q.w < 0) q = -q;  // glm::angle() loses the digits of angles near a full turn
     glm::vec3 axisAngle = glm::axis(q) * glm::angle(q);
     return {axisAngle.x, axisAngle.y, axisAngle.z};
 }

@@ -51,6 +51,7 @@ Shot turned(const Shot& shot, double turns) {
     // The camera going round one way is the body turning the other.
     glm::dquat q =
         glm::angleAxis(6.283185307179586 * turns, glm::dvec3(0, 1, 0)) * toQuaternion(shot.theta);
+    if (q.w < 0) q = -q;  // glm::angle() loses the digits of angles near a full turn
     glm::dvec3 root = glm::axis(q) * glm::angle(q);
     Shot result = shot;
     for (int k = 0; k < 3; ++k) result.theta[static_cast<size_t>(k)] = static_cast<float>(root[k]);

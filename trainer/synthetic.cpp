@@ -33,6 +33,7 @@ void disturb(Theta& theta, Trans& trans, double degrees, double metres, uint64_t
         double angle = glm::length(v);
         glm::dquat q = angle > 0 ? glm::angleAxis(angle, v / angle) : glm::dquat(1, 0, 0, 0);
         q = q * glm::angleAxis(glm::radians(degrees), randomDirection(seed, joint));
+        if (q.w < 0) q = -q;  // glm::angle() loses the digits of angles near a full turn
         glm::dvec3 turned = glm::axis(q) * glm::angle(q);
         for (int k = 0; k < 3; ++k)
             theta[3 * joint + static_cast<size_t>(k)] = static_cast<float>(turned[k]);
