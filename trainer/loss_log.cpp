@@ -74,6 +74,7 @@ LossLog::LossLog(const fs::path& folder, std::string stage, std::vector<std::str
     fs::remove_all(events, ignored);
     files_->events = std::make_unique<EventWriter>(events);
     for (const Row& row : rows) add(row.step, row.values);
+    flush();
 }
 
 LossLog::~LossLog() = default;
