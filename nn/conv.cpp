@@ -45,18 +45,15 @@ Groups planes(int64_t x, int64_t y, int64_t z, Specialisation& spec) {
     return {u32((x + size - 1) / size), u32(y), u32(z)};
 }
 
-// Columns, what each window sees [rows, windows], as panels for the right side of a product: of
-// windows for weight · columns, of rows for maps · columns^T (see conv/columns.glsl).
-struct Columns {
-    Tensor tensor;
-    int64_t strideImage;
-};
-Columns gatherColumns(Graph& graph, const Windows& w, const Tensor& image, int64_t firstImage,
-                      int64_t images, int64_t firstWindow, int64_t windows, bool windowPanels) {
-    int64_t across = windowPanels ? windows : w.rows(), along = windowPanels ? w.rows() : windows;
+// Columns, what each window of some images sees [rows, images * windows], as panels for the right
+// side of a product: of windows for weight · columns, of rows for maps · columns^T (see
+// conv/columns.glsl).
+Tensor gatherColumns(Graph& graph, const Windows& w, const Tensor& image, int64_t firstImage,
+                     int64_t images, int64_t firstWindow, int64_t windows, bool windowPanels) {
+    int64_t across = windowPanels ? images * windows : w.rows();
+    int64_t along = windowPanels ? w.rows() : images * windows;
     int64_t width = gemmPanelWidth(graph.device(), across);
-    int64_t stride = (across + width - 1) / width * width * along;
-    Tensor columns = graph.temporary({images, stride});
+    Tensor columns = graph.temporary({(across + width - 1) / width, along, width});
     ColumnsParams params{.channels = u32(w.channels),
                          .height = u32(w.height),
                          .width = u32(w.width),
@@ -65,12 +62,10 @@ Columns gatherColumns(Graph& graph, const Windows& w, const Tensor& image, int64
                          .firstWindow = u32(firstWindow),
                          .images = u32(images),
                          .startImage = u32(firstImage * w.channels * w.pixels()),
-                         .strideImage = u32(w.channels * w.pixels()),
-                         .strideColumns = u32(stride),
                          .padding = u32(w.padding),
                          .byOutWidth = divisorOf(uint64_t(w.outWidth))};
-    bool pairs = graph.device().info().int64 && w.kernelH == 4 && w.kernelW == 4 && w.stride == 2 &&
-                 w.padding == 1 && w.width % 2 == 0 && w.outWidth % 2 == 0;
+    bool pairs = w.kernelH == 4 && w.kernelW == 4 && w.stride == 2 && w.padding == 1 &&
+                 w.width % 2 == 0 && w.outWidth % 2 == 0;
     Specialisation spec;
     if (!pairs) spec = w.specialisation();
     Groups groups = planes(pairs ? windows / 2 : windows, w.channels, images, spec);
@@ -78,104 +73,134 @@ Columns gatherColumns(Graph& graph, const Windows& w, const Tensor& image, int64
     spec["kWindowPanels"] = windowPanels;
     graph.dispatchGroups(pairs ? "conv/columns_pairs.gather" : "conv/columns.gather",
                          {{"image", image}, {"columns", columns}}, params, groups, spec);
-    return {columns, stride};
+    return columns;
+}
+
+// A layer's images are worked on one by one where each has windows enough to fill a product's
+// tiles; else several together, their maps joined to [features, images * windows].
+constexpr int64_t kWindowsEnough = 256;
+
+int64_t imagesAtOnce(const Windows& w) {
+    if (w.windows() >= kWindowsEnough) return 1;
+    return std::clamp<int64_t>(kColumnsElements / (w.rows() * w.windows()), 1, w.images);
 }
 
 // Windows whose columns fit into one piece; even, and a multiple of any panel.
 int64_t windowsAtOnce(const Windows& w) {
     constexpr int64_t kMultiple = 128;
     int64_t fit = kColumnsElements / w.rows() / kMultiple * kMultiple;
-    return std::min(w.windows(), std::max(fit, kMultiple));
+    return std::min(w.windows(), std::max({fit, kMultiple, std::min(kWindowsEnough, w.windows())}));
+}
+
+void reorderMaps(Graph& graph, const char* kernel, const Windows& w, const Tensor& maps,
+                 int64_t firstImage, int64_t images, const Tensor& joined) {
+    MapsParams params{.elements = u32(images * w.features * w.windows()),
+                      .start = u32(firstImage * w.features * w.windows()),
+                      .windows = u32(w.windows()),
+                      .images = u32(images),
+                      .byWindows = divisorOf(uint64_t(w.windows())),
+                      .byFeatures = divisorOf(uint64_t(w.features))};
+    graph.dispatch(kernel, {{"maps", maps}, {"joined", joined}}, params, params.elements);
 }
 
 // maps[images, features, windows] = weight columns(image) (+ bias per feature)
 void gatherProduct(Graph& graph, const Windows& w, const Tensor& image, const Tensor& weight,
                    const Tensor& bias, const Tensor& maps) {
-    int64_t images = std::clamp<int64_t>(kColumnsElements / (w.rows() * w.windows()), 1, w.images);
-    int64_t part = images > 1 ? w.windows() : windowsAtOnce(w);
-    for (int64_t n = 0; n < w.images; n += images)
-        for (int64_t first = 0; first < w.windows(); first += part) {
-            int64_t some = std::min(images, w.images - n);
-            int64_t count = std::min(part, w.windows() - first);
-            Columns columns = gatherColumns(graph, w, image, n, some, first, count, true);
-            gemm(graph, weight, columns.tensor, maps,
-                 {.m = w.features,
-                  .n = count,
-                  .k = w.rows(),
-                  .panelsB = true,
-                  .ldc = w.windows(),
-                  .startC = n * w.features * w.windows() + first,
-                  .batch = some,
-                  .strideB = columns.strideImage,
-                  .strideC = w.features * w.windows(),
-                  .bias = bias,
-                  .biasPerRow = true});
+    int64_t atOnce = imagesAtOnce(w), part = windowsAtOnce(w);
+    Gemm product{.m = w.features, .k = w.rows(), .panelsB = true, .bias = bias, .biasPerRow = true};
+    for (int64_t n = 0; n < w.images; n += atOnce) {
+        int64_t images = std::min(atOnce, w.images - n);
+        if (images > 1) {
+            Tensor columns = gatherColumns(graph, w, image, n, images, 0, w.windows(), true);
+            Tensor joined = graph.temporary({w.features, images, w.windows()});
+            product.n = product.ldc = images * w.windows();
+            gemm(graph, weight, columns, joined, product);
+            reorderMaps(graph, "conv/maps.part", w, maps, n, images, joined);
+            continue;
         }
+        for (int64_t first = 0; first < w.windows(); first += part) {
+            product.n = std::min(part, w.windows() - first);
+            product.ldc = w.windows();
+            product.startC = n * w.features * w.windows() + first;
+            Tensor columns = gatherColumns(graph, w, image, n, 1, first, product.n, true);
+            gemm(graph, weight, columns, maps, product);
+        }
+        product.startC = 0;
+    }
 }
 
 // dweight[features, rows] = sum over images and windows of maps columns(image)^T
 void weightProduct(Graph& graph, const Windows& w, const Tensor& image, const Tensor& maps,
                    const Tensor& dweight) {
-    int64_t part = windowsAtOnce(w);
-    bool first = true;
-    for (int64_t n = 0; n < w.images; ++n)
-        for (int64_t window = 0; window < w.windows(); window += part) {
-            int64_t count = std::min(part, w.windows() - window);
-            Columns columns = gatherColumns(graph, w, image, n, 1, window, count, false);
-            gemm(graph, maps, columns.tensor, dweight,
-                 {.m = w.features,
-                  .n = w.rows(),
-                  .k = count,
-                  .panelsB = true,
-                  .accumulate = !first,
-                  .lda = w.windows(),
-                  .startA = n * w.features * w.windows() + window});
-            first = false;
+    int64_t atOnce = imagesAtOnce(w), part = windowsAtOnce(w);
+    Gemm product{.m = w.features, .n = w.rows(), .panelsB = true};
+    for (int64_t n = 0; n < w.images; n += atOnce) {
+        int64_t images = std::min(atOnce, w.images - n);
+        if (images > 1) {
+            Tensor columns = gatherColumns(graph, w, image, n, images, 0, w.windows(), false);
+            Tensor joined = graph.temporary({w.features, images, w.windows()});
+            reorderMaps(graph, "conv/maps.join", w, maps, n, images, joined);
+            product.k = product.lda = images * w.windows();
+            product.startA = 0;
+            gemm(graph, joined, columns, dweight, product);
+            product.accumulate = true;
+            continue;
         }
+        for (int64_t first = 0; first < w.windows(); first += part) {
+            product.k = std::min(part, w.windows() - first);
+            product.lda = w.windows();
+            product.startA = n * w.features * w.windows() + first;
+            Tensor columns = gatherColumns(graph, w, image, n, 1, first, product.k, false);
+            gemm(graph, maps, columns, dweight, product);
+            product.accumulate = true;
+        }
+    }
 }
 
 // image = sum over the windows that see a pixel of weight^T maps (+ bias per channel)
 void sumProduct(Graph& graph, const Windows& w, const Tensor& maps, const Tensor& weight,
                 const Tensor& bias, const Tensor& image) {
-    int64_t kernel = w.kernelH * w.kernelW;
-    int64_t images = std::clamp<int64_t>(kColumnsElements / (w.rows() * w.windows()), 1, w.images);
+    int64_t atOnce = imagesAtOnce(w), kernel = w.kernelH * w.kernelW;
     int64_t part = std::clamp<int64_t>(kColumnsElements / (kernel * w.windows()), 1, w.channels);
-    if (images > 1) part = w.channels;
-    for (int64_t n = 0; n < w.images; n += images)
+    if (atOnce > 1) part = w.channels;
+    for (int64_t n = 0; n < w.images; n += atOnce) {
+        int64_t images = std::min(atOnce, w.images - n);
+        Tensor joined = maps;
+        if (images > 1) {
+            joined = graph.temporary({w.features, images, w.windows()});
+            reorderMaps(graph, "conv/maps.join", w, maps, n, images, joined);
+        }
         for (int64_t channel = 0; channel < w.channels; channel += part) {
-            int64_t some = std::min(images, w.images - n);
             int64_t channels = std::min(part, w.channels - channel);
-            Tensor columns = graph.temporary({some, channels * kernel, w.windows()});
-            gemm(graph, weight, maps, columns,
+            Tensor columns = graph.temporary({channels * kernel, images, w.windows()});
+            gemm(graph, weight, joined, columns,
                  {.m = channels * kernel,
-                  .n = w.windows(),
+                  .n = images * w.windows(),
                   .k = w.features,
                   .transA = true,
                   .lda = w.rows(),
                   .startA = channel * kernel,
-                  .startB = n * w.features * w.windows(),
-                  .batch = some,
-                  .strideB = w.features * w.windows(),
-                  .strideC = channels * kernel * w.windows()});
+                  .startB = images > 1 ? 0 : n * w.features * w.windows()});
             ImageParams params{.channels = u32(channels),
                                .height = u32(w.height),
                                .width = u32(w.width),
                                .outHeight = u32(w.outHeight),
                                .outWidth = u32(w.outWidth),
-                               .images = u32(some),
+                               .images = u32(images),
                                .startImage = u32(n * w.channels * w.pixels()),
                                .strideImage = u32(w.channels * w.pixels()),
                                .padding = u32(w.padding),
                                .firstChannel = u32(channel),
                                .byWidth = divisorOf(uint64_t(w.width))};
             Specialisation spec = w.specialisation();
-            Groups groups = planes(w.pixels(), channels, some, spec);
+            Groups groups = planes(w.pixels(), channels, images, spec);
             spec["kBias"] = bias ? 1 : 0;
             graph.dispatchGroups(
                 "conv/image.sum",
                 {{"columns", columns}, {"image", image}, {"bias", bias ? bias : graph.none()}},
                 params, groups, spec);
         }
+    }
 }
 
 // dbias[C] = sum over images and pixels of dy[N,C,...]

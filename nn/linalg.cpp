@@ -87,9 +87,17 @@ Tensor pack(Graph& graph, const Source& s, int64_t steps, int64_t stepsInPanel, 
                         .strideItem = u32(s.strideItem),
                         .strideStep = u32(s.strideStep),
                         .panels = u32(panels)};
-    graph.dispatchGroups("linalg/panels.pack", {{"matrix", s.tensor}, {"packed", packed}}, params,
-                         {u32(ceilDiv(stepsInPanel * width, 64)), u32(panels), u32(s.batch)},
-                         {{"kWidth", width}});
+    auto even = [](std::initializer_list<int64_t> values) {
+        return std::ranges::all_of(values, [](int64_t v) { return v % 2 == 0; });
+    };
+    uint32_t pairs = 0;
+    if (s.strideItem == 1 && even({s.start, s.strideMatrix, s.strideStep, s.count})) pairs = 1;
+    if (s.strideStep == 1 && even({s.start, s.strideMatrix, s.strideItem, steps})) pairs = 2;
+    int64_t invocations = ceilDiv(stepsInPanel, 4) * (width / 2);
+    graph.dispatchGroups("linalg/panels.pack",
+                         {{"matrix", s.tensor}, {"pairs", s.tensor}, {"packed", packed}}, params,
+                         {u32(ceilDiv(invocations, 64)), u32(panels), u32(s.batch)},
+                         {{"kWidth", width}, {"kPairs", pairs}});
     return packed;
 }
 

@@ -6,7 +6,7 @@
 #include "conv/columns.glsl"
 PARAMS(ColumnsParams, 2)
 BUFFER(0, readonly, float, image);     // [images, channels, height, width]
-BUFFER(1, writeonly, float, columns);  // [images] panels, see columns.glsl
+BUFFER(1, writeonly, float, columns);  // panels, see columns.glsl
 
 layout(constant_id = 1) const uint kKernelH = 4;
 layout(constant_id = 2) const uint kKernelW = 4;
@@ -24,16 +24,16 @@ ENTRY(gather) {
     uint oy = quotient(at, params.byOutWidth), ox = remainder(at, oy, params.byOutWidth);
     // Negative positions wrap to large ones, so one comparison finds both sides.
     uint y = oy * kStride - params.padding, x = ox * kStride - params.padding;
-    uint plane = params.startImage + n * params.strideImage + channel * height * width;
-    uint target = n * params.strideColumns;
-    Panels panels = Panels(params.channels * kKernelH * kKernelW, params.windows, kWidth,
+    uint plane = params.startImage + (n * params.channels + channel) * height * width;
+    uint place = n * params.windows + window;
+    Panels panels = Panels(params.channels * kKernelH * kKernelW, params.images * params.windows, kWidth,
                            kWindowPanels);
     [[unroll]] for (uint ky = 0; ky < kKernelH; ++ky) {
         [[unroll]] for (uint kx = 0; kx < kKernelW; ++kx) {
             bool inside = y + ky < height && x + kx < width;
             float v = image.d[plane + (inside ? (y + ky) * width + x + kx : 0)];
             uint row = (channel * kKernelH + ky) * kKernelW + kx;
-            columns.d[target + panelIndex(panels, row, window)] = inside ? v : 0;
+            columns.d[panelIndex(panels, row, place)] = inside ? v : 0;
         }
     }
 }

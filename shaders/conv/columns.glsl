@@ -1,4 +1,5 @@
-// Columns, the matrix [rows, windows] of what each window sees (a row is a channel, ky and kx), lie
+// Columns, the matrix [rows, windows] of what each window sees (a row is a channel, ky and kx; the
+// windows are those of one image after the other), lie
 // as the panels of a product's right side (linalg/gemm.glsl): for the product weight · columns in
 // panels of some windows, for maps · columns^T in panels of some rows.
 struct Panels {

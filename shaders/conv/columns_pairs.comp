@@ -28,9 +28,9 @@ ENTRY(gather) {
     uint at = window + params.firstWindow;
     uint oy = quotient(at, params.byOutWidth), ox = remainder(at, oy, params.byOutWidth);
     uint y = 2 * oy - 1, x = 2 * ox - 2;
-    uint plane = params.startImage + n * params.strideImage + channel * height * width;
-    uint target = n * params.strideColumns;
-    Panels panels = Panels(params.channels * 16, params.windows, kWidth, kWindowPanels);
+    uint plane = params.startImage + (n * params.channels + channel) * height * width;
+    uint place = n * params.windows + window;
+    Panels panels = Panels(params.channels * 16, params.images * params.windows, kWidth, kWindowPanels);
     [[unroll]] for (uint ky = 0; ky < 4; ++ky) {
         bool rowInside = y + ky < height;
         float v[8];  // pixels x to x + 7; the windows start at x + 1 and x + 3
@@ -44,12 +44,12 @@ ENTRY(gather) {
         uint row = channel * 16 + ky * 4;
         if (kWindowPanels) {
             [[unroll]] for (uint kx = 0; kx < 4; ++kx)
-                columns.d[(target + panelIndex(panels, row + kx, window)) / 2] =
+                columns.d[panelIndex(panels, row + kx, place) / 2] =
                     packPair(v[kx + 1], v[kx + 3]);
         } else {
             [[unroll]] for (uint i = 0; i < 4; ++i) {  // window i / 2, kx = 2 (i % 2)
                 uint first = 1 + 2 * (i / 2) + 2 * (i % 2);
-                columns.d[(target + panelIndex(panels, row + 2 * (i % 2), window + i / 2)) / 2] =
+                columns.d[panelIndex(panels, row + 2 * (i % 2), place + i / 2) / 2] =
                     packPair(v[first], v[first + 1]);
             }
         }

@@ -4,7 +4,7 @@
 #include "common/op.glsl"
 #include "conv/params.h"
 PARAMS(ImageParams, 3)
-BUFFER(0, readonly, float, columns);  // [images, channels * kKernelH * kKernelW, windows]
+BUFFER(0, readonly, float, columns);  // [channels * kKernelH * kKernelW, images * windows]
 BUFFER(1, writeonly, float, image);   // [images, all channels, height, width]
 BUFFER(2, readonly, float, bias);     // [all channels]
 
@@ -24,14 +24,16 @@ ENTRY(sum) {
     // Kernel rows ky0, ky0 + kStride, … see this pixel, from window rows oy0, oy0 - 1, …
     uint oy0 = (y + params.padding) / kStride, ky0 = (y + params.padding) % kStride;
     uint ox0 = (x + params.padding) / kStride, kx0 = (x + params.padding) % kStride;
-    uint outHeight = params.outHeight, outWidth = params.outWidth, windows = outHeight * outWidth;
-    uint row = (n * params.channels + channel) * (kKernelH * kKernelW);
+    uint outHeight = params.outHeight, outWidth = params.outWidth;
+    uint windows = params.images * outHeight * outWidth, first = n * outHeight * outWidth;
+    uint row = channel * (kKernelH * kKernelW);
     float total = kBias ? bias.d[params.firstChannel + channel] : 0;
     [[unroll]] for (uint j = 0; j * kStride < kKernelH; ++j) {
         [[unroll]] for (uint i = 0; i * kStride < kKernelW; ++i) {
             uint ky = ky0 + j * kStride, kx = kx0 + i * kStride, oy = oy0 - j, ox = ox0 - i;
             bool seen = ky < kKernelH && kx < kKernelW && oy < outHeight && ox < outWidth;
-            uint at = seen ? (row + ky * kKernelW + kx) * windows + oy * outWidth + ox : 0;
+            uint window = first + oy * outWidth + ox;
+            uint at = seen ? (row + ky * kKernelW + kx) * windows + window : 0;
             float v = columns.d[at];
             total += seen ? v : 0;
         }

@@ -8,11 +8,10 @@ SHARED_BEGIN
 struct ColumnsParams {
     uint channels, height, width;
     uint outWidth;
-    uint windows;       // of this part
-    uint firstWindow;   // the part's first, counted row by row
-    uint images;        // of the batch
-    uint startImage, strideImage;  // elements to the first image, from one to the next
-    uint strideColumns;
+    uint windows;      // of this part, of one image
+    uint firstWindow;  // the part's first, counted row by row
+    uint images;       // their windows follow each other
+    uint startImage;   // elements to the first image
     uint padding;
     Divisor byOutWidth;
 };
@@ -24,6 +23,12 @@ struct ImageParams {
     uint padding;
     uint firstChannel;  // of the image's: columns hold some of its channels, image and bias all
     Divisor byWidth;
+};
+struct MapsParams {
+    uint elements;         // of some images: images * features * windows
+    uint start;            // of the first image
+    uint windows, images;
+    Divisor byWindows, byFeatures;
 };
 struct BatchNormParams {
     uint images, channels, pixels;  // x[images, channels, pixels]

@@ -1,23 +1,56 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
+#include "common/pairs.glsl"
 #include "linalg/params.h"
-PARAMS(PanelsParams, 2)
-BUFFER(0, readonly, float, matrix);   // see the strides
-BUFFER(1, writeonly, float, packed);  // [batch, panels, stepsInPanel, kWidth]
+PARAMS(PanelsParams, 3)
+BUFFER(0, readonly, float, matrix);        // see the strides
+BUFFER(1, readonly, uint64_t, pairs);      // the same, in pairs
+BUFFER(2, writeonly, uint64_t, packed);    // [batch, panels, stepsInPanel, kWidth], in pairs
 
 layout(constant_id = 1) const uint kWidth = 32;  // a power of two
+// Which neighbours in memory start at even elements and can be loaded together.
+layout(constant_id = 2) const uint kPairs = 0;  // 0: none, 1: items, 2: steps
+
+const uint kSteps = 4;  // of an invocation, by two items
 
 // Workgroups: x steps and items of a panel, y panels, z matrices of the batch.
 ENTRY(pack) {
     uint i = gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationID.x;
-    uint step = i / kWidth, item = gl_WorkGroupID.y * kWidth + i % kWidth;
-    uint stepsInPanel = params.stepsInPanel;
+    uint step = i / (kWidth / 2) * kSteps, within = i % (kWidth / 2) * 2;
+    uint item = gl_WorkGroupID.y * kWidth + within;
+    uint stepsInPanel = params.stepsInPanel, steps = params.steps, count = params.count;
     if (step >= stepsInPanel) return;
-    bool inside = step < params.steps && item < params.count;
-    uint at = params.start + gl_WorkGroupID.z * params.strideMatrix;
-    if (inside) at += item * params.strideItem + step * params.strideStep;
-    float v = matrix.d[at];
+    uint strideItem = params.strideItem, strideStep = params.strideStep;
+    uint start = params.start + gl_WorkGroupID.z * params.strideMatrix;
+    // Beyond the end the last element is read, and a zero written.
+    uint left = start + min(item, count - 1) * strideItem;
+    uint right = start + min(item + 1, count - 1) * strideItem;
+    bvec2 items = bvec2(item < count, item + 1 < count);
+    vec2 v[kSteps];
+    if (kPairs == 2) {
+        [[unroll]] for (uint s = 0; s < kSteps; s += 2) {
+            uint at = min(step + s, steps - 2);
+            vec2 a = unpackPair(pairs.d[(left + at) / 2]);
+            vec2 b = unpackPair(pairs.d[(right + at) / 2]);
+            v[s] = vec2(a.x, b.x);
+            v[s + 1] = vec2(a.y, b.y);
+        }
+    } else {
+        [[unroll]] for (uint s = 0; s < kSteps; ++s) {
+            uint at = min(step + s, steps - 1) * strideStep;
+            if (kPairs == 1)
+                v[s] = unpackPair(pairs.d[(start + min(item, count - 2) + at) / 2]);
+            else
+                v[s] = vec2(matrix.d[left + at], matrix.d[right + at]);
+        }
+    }
     uint panel = gl_WorkGroupID.z * params.panels + gl_WorkGroupID.y;
-    packed.d[panel * stepsInPanel * kWidth + i] = inside ? v : 0;
+    [[unroll]] for (uint s = 0; s < kSteps; ++s) {
+        if (step + s < stepsInPanel) {
+            vec2 inside = mix(vec2(0), v[s], items);
+            uint at = (panel * stepsInPanel + step + s) * kWidth + within;
+            packed.d[at / 2] = packPair(step + s < steps ? inside : vec2(0));
+        }
+    }
 }
