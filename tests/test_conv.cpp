@@ -1,7 +1,9 @@
 #include "nn/conv.h"
 
 #include <cmath>
+#include <random>
 
+#include "common/divide.h"
 #include "tests/op_test.h"
 
 namespace doppel {
@@ -81,6 +83,26 @@ void checkConvolution(const char* op, const Case& c, int64_t features,
                   .samples = 8};
     if (c.bias) opCase.inputs["bias"] = random({features}, 3);
     checkOp(op, opCase);
+}
+
+// What quotient() of common/divide.h does in a shader.
+TEST(Conv, DivisionByMultiplication) {
+    auto quotient = [](uint32_t value, const Divisor& by) {
+        auto high = static_cast<uint32_t>((uint64_t{value} * by.multiplier) >> 32);
+        return by.multiplier == 0 ? value : high >> by.shift;
+    };
+    std::mt19937 generator(3);
+    for (uint32_t divisor = 1; divisor < 3000; ++divisor) {
+        Divisor by = divisorOf(divisor);
+        for (uint32_t value : {0u, divisor - 1, divisor, 7 * divisor - 1, 7 * divisor, 0x7fffffffu,
+                               static_cast<uint32_t>(generator() >> 1)})
+            ASSERT_EQ(quotient(value, by), value / divisor) << value << " / " << divisor;
+    }
+    for (uint32_t divisor : {65535u, 65536u, 65537u, 0x3fffffffu, 0x40000001u, 0x7fffffffu})
+        for (int i = 0; i < 1000; ++i) {
+            auto value = static_cast<uint32_t>(generator() >> 1);
+            ASSERT_EQ(quotient(value, divisorOf(divisor)), value / divisor);
+        }
 }
 
 TEST(Conv, Conv2d) {
