@@ -60,8 +60,12 @@ vec3 rotationGradient(vec3 w, mat3 dR) {
 #define LOAD_ROTATION(buffer, joint)                                            \
     transpose(mat3(buffer.d[3 * (joint)].xyz, buffer.d[3 * (joint) + 1].xyz,    \
                    buffer.d[3 * (joint) + 2].xyz))
-#define LOAD_ORIGIN(buffer, joint) \
-    vec3(buffer.d[3 * (joint)].w, buffer.d[3 * (joint) + 1].w, buffer.d[3 * (joint) + 2].w)
+// A row is loaded whole: Mesa 22.3's lavapipe reads the first number where the last one alone is
+// asked for.
+#define LAST(row) dot(row, vec4(0, 0, 0, 1))
+#define LOAD_ORIGIN(buffer, joint)                                     \
+    vec3(LAST(buffer.d[3 * (joint)]), LAST(buffer.d[3 * (joint) + 1]), \
+         LAST(buffer.d[3 * (joint) + 2]))
 #define STORE_TRANSFORM(buffer, joint, R, p)                                  \
     for (int row = 0; row < 3; ++row) {                                       \
         buffer.d[3 * (joint) + row] = vec4(R[0][row], R[1][row], R[2][row], p[row]); \
