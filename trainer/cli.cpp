@@ -237,7 +237,7 @@ struct CommandLine {
         addEval();
         addExport();
         addDemo();
-        add("bench", "Say where doppel-bench is, which times every operation", "doppel bench");
+        add("bench", "Say where doppel-bench is, which measures the device", "doppel bench");
     }
 
     CLI::App& add(const char* name, const char* description, const std::string& example) {
