@@ -29,7 +29,7 @@ Preset tinyPreset() {
     preset.texture.textureSize = 64;
     preset.texture.depth = 6;
     preset.texture.width = 4;
-    preset.texture.steps = 30;
+    preset.texture.steps = 80;
     return preset;
 }
 
