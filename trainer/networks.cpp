@@ -6,19 +6,12 @@
 #include <map>
 
 #include "engine/io/image.h"
-#include "nn/elementwise.h"
-#include "nn/texture_layout.h"
 #include "trainer/checkpoint.h"
 #include "trainer/sheet.h"
 
 namespace doppel {
 
 namespace {
-
-MeshNetConfig meshNetConfig(const MeshPreset& preset) {
-    return {.blocks = preset.blocks, .layers = preset.layers, .hidden = preset.hidden,
-            .deviation = static_cast<float>(preset.deviation)};
-}
 
 TextureUnetConfig unetConfig(const TexturePreset& preset) {
     TextureUnetConfig config;
@@ -42,26 +35,20 @@ void declareMeshNet(Parameters& parameters, const Avatar& avatar, uint64_t seed)
                          static_cast<uint32_t>(seed));
 }
 
-MeshNetwork meshNetwork(Graph& graph, const Avatar& avatar, const Parameters& parameters) {
-    const MeshPreset& preset = avatar.preset.mesh;
-    MeshTensors mesh = meshTensors(
-        graph, meshTopology(avatar.body.faces, avatar.body.vertexCount, avatar.body.file));
-    std::vector<float> bounds = clampBounds(
-        avatar.body, preset.clamps == "program" ? ClampBounds::Program : ClampBounds::Paper);
-    Tensor limit = graph.constant(std::span<const float>(bounds), {avatar.body.vertexCount});
-    std::vector<float> pose(72, 1.0f), zeros(3, 0.0f);
-    std::fill_n(pose.begin(), 3, 0.0f);
-    return {&graph, mesh, MeshNet(graph, parameters, meshNetConfig(preset), mesh, limit),
-            graph.constant(std::span<const float>(pose), {72}),
-            graph.constant(std::span<const float>(zeros), {3})};
+MeshNetConfig meshNetConfig(const MeshPreset& preset) {
+    return {.blocks = preset.blocks,
+            .layers = preset.layers,
+            .hidden = preset.hidden,
+            .deviation = static_cast<float>(preset.deviation)};
 }
 
-Tensor MeshNetwork::refine(const LbsModel& skin, const Tensor& rest, const Tensor& beta,
-                           const Tensor& theta, const Tensor& trans) const {
-    PosedBody posed = lbs(*graph, skin, rest, multiply(*graph, theta, bodyPose), beta, origin);
-    Tensor refined = net.refine(posed.verts).back();
-    return rigidTransform(*graph, refined, theta.slice(0, 3),
-                          posed.joints.slice(0, 1).reshaped({3}), trans);
+ClampBounds clampsOf(const MeshPreset& preset) {
+    return preset.clamps == "program" ? ClampBounds::Program : ClampBounds::Paper;
+}
+
+MeshNetwork meshNetwork(Graph& graph, const Avatar& avatar, const Parameters& parameters) {
+    const MeshPreset& preset = avatar.preset.mesh;
+    return meshNetwork(graph, avatar.body, meshNetConfig(preset), clampsOf(preset), parameters);
 }
 
 // ---- stage 2 ------------------------------------------------------------------------------------
@@ -85,18 +72,7 @@ WeightMap TextureNet::weights() const {
 
 std::vector<Tensor> TextureNet::forward(Graph& graph, const std::vector<Tensor>& maps,
                                         bool training) const {
-    int64_t size = preset_.textureSize;
-    Tensor x;
-    for (const Tensor& map : maps) {
-        Tensor one = map.reshaped({1, 1, size, size});
-        x = x ? concat(graph, x, one, 0) : one;
-    }
-    if (!x) {
-        std::vector<float> ones(static_cast<size_t>(size * size), 1.0f);
-        x = graph.constant(std::span<const float>(ones), {1, 1, size, size});
-    }
-    TextureUnet::Mode mode{training, training && preset_.dropout > 0};
-    return interleave(graph, scaleShift(graph, unet_.forward(graph, x, mode), 0.5f, 0.5f));
+    return paintTextures(graph, unet_, maps, {training, training && preset_.dropout > 0});
 }
 
 void paintTexture(Device& device, Avatar& avatar) {

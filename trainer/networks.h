@@ -5,11 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "nn/lbs.h"
-#include "nn/mesh_net.h"
-#include "nn/optim.h"
-#include "nn/raster.h"
-#include "nn/texture_unet.h"
+#include "nn/mesh_step.h"
+#include "nn/texture_step.h"
 #include "trainer/avatar.h"
 
 namespace doppel {
@@ -18,19 +15,8 @@ namespace doppel {
 
 void declareMeshNet(Parameters& parameters, const Avatar& avatar, uint64_t seed);
 
-// G_m on a graph, with what goes before and after it.
-struct MeshNetwork {
-    Graph* graph;
-    MeshTensors mesh;
-    MeshNet net;
-    Tensor bodyPose;  // [72] ones, but zeros for the global orientation
-    Tensor origin;    // [3] zeros
-
-    // The body posed without global orientation, refined, and put where theta and trans say:
-    // M = R(θ_0) (G_m(P) − j_0) + j_0 + t, in camera space [V,3].
-    Tensor refine(const LbsModel& skin, const Tensor& rest, const Tensor& beta, const Tensor& theta,
-                  const Tensor& trans) const;
-};
+MeshNetConfig meshNetConfig(const MeshPreset& preset);
+ClampBounds clampsOf(const MeshPreset& preset);
 MeshNetwork meshNetwork(Graph& graph, const Avatar& avatar, const Parameters& parameters);
 
 // ---- stage 2 ------------------------------------------------------------------------------------
@@ -46,6 +32,7 @@ public:
     // per map.
     std::vector<Tensor> forward(Graph& graph, const std::vector<Tensor>& maps, bool training) const;
 
+    const TextureUnet& unet() const { return unet_; }
     Parameters& parameters() { return unet_.parameters(); }
     Parameters& state() { return unet_.statistics(); }
     WeightMap weights() const;

@@ -1,17 +1,9 @@
-// Stage 1: the mesh refinement network G_m (Gomes et al., WACV 2022, section 3.1), trained against
-// the masks through the soft silhouette.
-//
-//     L_m = λ_gl L_gl + λ_gn L_gn + L_s
+// Stage 1: the mesh refinement network G_m, trained against the masks through the soft silhouette
+// (see nn/mesh_step.h).
 #include <cmath>
 #include <optional>
 
-#include "nn/fit.h"
-#include "nn/lbs.h"
-#include "nn/loss.h"
-#include "nn/mesh_net.h"
-#include "nn/mesh_ops.h"
-#include "nn/optim.h"
-#include "nn/raster.h"
+#include "nn/mesh_step.h"
 #include "trainer/checkpoint.h"
 #include "trainer/networks.h"
 #include "trainer/progress.h"
@@ -22,59 +14,19 @@ namespace doppel {
 
 namespace {
 
-// One training step over a batch of frames.
-struct MeshStep {
-    struct Sample {
-        Tensor camera, target, theta, trans;
-    };
-    Graph graph;
-    std::vector<Sample> samples;
-    Tensor loss, iouLoss, laplacian, normal;
-
-    MeshStep(Device& device, const Avatar& avatar, const Parameters& net, uint64_t memoryBudget,
-             bool timestamps)
-        : graph(device) {
-        const MeshPreset& preset = avatar.preset.mesh;
-        const BodyModel& body = avatar.body;
-        MeshNetwork network = meshNetwork(graph, avatar, net);
-        LbsModel skin = lbsModel(graph, body);
-        Tensor rest =
-            graph.constant(std::span<const float>(body.templateVertices), {body.vertexCount, 3});
-        Tensor beta = graph.constant(std::span<const float>(avatar.betas), {10});
-        RasterMesh faces = rasterMesh(graph, body.faces, body.vertexCount);
-        float share = 1.0f / static_cast<float>(preset.batch);
-        for (int i = 0; i < preset.batch; ++i) {
-            Sample sample{graph.input(kCameraShape), graph.input({preset.size, preset.size}),
-                          graph.input({72}), graph.input({3})};
-            Tensor verts = network.refine(skin, rest, beta, sample.theta, sample.trans);
-            Tensor silhouette =
-                softSilhouette(graph, faces, verts, sample.camera, preset.size, preset.size);
-            Tensor mask = preset.dilateMask ? dilate3(graph, sample.target) : sample.target;
-            Tensor iou = silhouetteIouLoss(graph, silhouette, mask);
-            Tensor smooth = laplacianLoss(graph, verts, network.mesh);
-            Tensor bend = normalConsistencyLoss(graph, verts, network.mesh);
-            std::vector<WeightedTerm> terms{{iou, share * static_cast<float>(preset.silhouette)},
-                                            {smooth, share * static_cast<float>(preset.laplacian)},
-                                            {bend, share * static_cast<float>(preset.normal)}};
-            if (loss) terms.push_back({loss, 1});
-            loss = weightedSum(graph, terms);
-            auto add = [&](Tensor& sum, const Tensor& term) {
-                sum = sum ? weightedSum(graph, {{sum, 1}, {term, share}})
-                          : weightedSum(graph, {{term, share}});
-            };
-            add(iouLoss, iou);
-            add(laplacian, smooth);
-            add(normal, bend);
-            samples.push_back(sample);
-        }
-        graph.backward(loss);
-        if (preset.gradientClip > 0)
-            clipGradientNorm(graph, net, static_cast<float>(preset.gradientClip));
-        adamwStep(graph, net, adamwOptions(preset.beta1, preset.beta2, preset.weightDecay));
-        for (const Tensor& value : {loss, iouLoss, laplacian, normal}) graph.output(value);
-        graph.compile({.memoryBudget = memoryBudget, .timestamps = timestamps});
-    }
-};
+MeshStepConfig stepConfig(const MeshPreset& preset) {
+    auto f = [](double value) { return static_cast<float>(value); };
+    return {.net = meshNetConfig(preset),
+            .clamps = clampsOf(preset),
+            .size = preset.size,
+            .batch = preset.batch,
+            .silhouette = f(preset.silhouette),
+            .laplacian = f(preset.laplacian),
+            .normal = f(preset.normal),
+            .gradientClip = f(preset.gradientClip),
+            .dilateMask = preset.dilateMask,
+            .optimiser = adamwOptions(preset.beta1, preset.beta2, preset.weightDecay)};
+}
 
 }  // namespace
 
@@ -87,7 +39,9 @@ void trainMesh(Device& device, Avatar& avatar, const Capture& capture,
     Parameters net;
     declareMeshNet(net, avatar, settings.seed);
     net.allocate(device);
-    MeshStep step(device, avatar, net, settings.memoryBudget, settings.profileSteps > 0);
+    MeshStep step(
+        device, avatar.body, avatar.betas, net, stepConfig(preset),
+        {.memoryBudget = settings.memoryBudget, .timestamps = settings.profileSteps > 0});
     if (settings.profileSteps > 0) {
         printPlan("mesh", step.graph, net);
     }

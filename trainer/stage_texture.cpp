@@ -1,16 +1,9 @@
-// Stage 2: the coarse texture network G_TN (Gomes et al., WACV 2022, section 3.2), trained against
-// the frames through the hard textured rasterizer, the mesh network frozen.
-//
-//     L_pt = ‖(Î − I) ⊗ B‖₁ / ‖B‖₁
+// Stage 2: the coarse texture network G_TN, trained against the frames through the hard textured
+// rasterizer, the mesh network frozen (see nn/texture_step.h).
 #include <cmath>
 #include <optional>
 
-#include "nn/elementwise.h"
-#include "nn/fit.h"
-#include "nn/loss.h"
-#include "nn/optim.h"
-#include "nn/raster.h"
-#include "nn/texture_unet.h"
+#include "nn/texture_step.h"
 #include "trainer/checkpoint.h"
 #include "trainer/networks.h"
 #include "trainer/progress.h"
@@ -21,60 +14,15 @@ namespace doppel {
 
 namespace {
 
-// a + b - a b: the union of two masks.
-Tensor unite(Graph& graph, const Tensor& a, const Tensor& b) {
-    return add(graph, add(graph, a, b), scaleShift(graph, multiply(graph, a, b), -1, 0));
+TextureStepConfig stepConfig(const TexturePreset& preset) {
+    return {.size = preset.size,
+            .batch = preset.batch,
+            .weight = static_cast<float>(preset.weight),
+            .dropout = preset.dropout > 0,
+            .unionRegion = preset.region == "union",
+            .constantInput = preset.constantInput,
+            .optimiser = adamwOptions(preset.beta1, preset.beta2, preset.weightDecay)};
 }
-
-struct TextureStep {
-    struct Sample {
-        Tensor camera, verts, image, mask;
-    };
-    Graph graph;
-    std::vector<Sample> samples;
-    Tensor loss;
-
-    TextureStep(Device& device, const Avatar& avatar, TextureNet& net, uint64_t memoryBudget,
-                bool timestamps)
-        : graph(device) {
-        const TexturePreset& preset = avatar.preset.texture;
-        const BodyModel& body = avatar.body;
-        int64_t size = preset.size, texels = preset.textureSize;
-        RasterMesh mesh = rasterMesh(graph, body.faces, body.vertexCount);
-        Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
-        RasterAtlas atlas = rasterAtlas(graph, uvs, body.uvFaces);
-
-        // The network sees the whole batch at once, so its batch statistics are the batch's.
-        std::vector<Tensor> maps;
-        for (int i = 0; i < preset.batch; ++i) {
-            Sample sample{graph.input(kCameraShape), graph.input({body.vertexCount, 3}),
-                          graph.input({size, size, 3}), graph.input({size, size})};
-            if (!preset.constantInput)
-                maps.push_back(visibilityMap(graph, mesh, sample.verts, atlas, texels));
-            samples.push_back(sample);
-        }
-        std::vector<Tensor> textures = net.forward(graph, maps, true);
-        for (size_t i = 0; i < samples.size(); ++i) {
-            const Sample& sample = samples[i];
-            VisibilityBuffer seen =
-                visibilityBuffer(graph, mesh, sample.verts, sample.camera, size, size);
-            // With a constant input there is one texture for the whole batch.
-            const Tensor& texture = textures[preset.constantInput ? 0 : i];
-            Tensor render = texturedRender(graph, seen, atlas, texture);
-            Tensor region = preset.region == "union" ? unite(graph, seen.mask, sample.mask)
-                                                     : multiply(graph, seen.mask, sample.mask);
-            Tensor term = maskedL1Loss(graph, render, sample.image, region);
-            float weight = static_cast<float>(preset.weight) / static_cast<float>(preset.batch);
-            loss = loss ? weightedSum(graph, {{loss, 1}, {term, weight}})
-                        : weightedSum(graph, {{term, weight}});
-        }
-        graph.backward(loss);
-        adamwStep(graph, net.parameters(),
-                  adamwOptions(preset.beta1, preset.beta2, preset.weightDecay));
-        graph.output(loss);
-        graph.compile({.memoryBudget = memoryBudget, .timestamps = timestamps});
-    }
-};
 
 }  // namespace
 
@@ -93,7 +41,9 @@ void trainTexture(Device& device, Avatar& avatar, const Capture& capture,
     }
 
     TextureNet net(device, preset, settings.seed);
-    TextureStep step(device, avatar, net, settings.memoryBudget, settings.profileSteps > 0);
+    TextureStep step(
+        device, avatar.body, net.unet(), stepConfig(preset),
+        {.memoryBudget = settings.memoryBudget, .timestamps = settings.profileSteps > 0});
     if (settings.profileSteps > 0) printPlan("texture", step.graph, net.parameters());
 
     std::vector<double> weights;
