@@ -2,12 +2,15 @@
 #include "trainer/train.h"
 
 #include <gtest/gtest.h>
+#include <signal.h>
 
 #include <fstream>
 #include <numeric>
 
 #include "tests/files.h"
 #include "tests/op_test.h"
+#include "trainer/checkpoint.h"
+#include "trainer/commands.h"
 #include "trainer/evaluate.h"
 #include "trainer/synthetic.h"
 
@@ -97,6 +100,204 @@ TEST(Train, LearnsAndRepeatsItselfToTheByte) {
         EXPECT_FALSE(a.empty()) << name;
         EXPECT_EQ(a, bytesOf(folder.path() / "b" / name)) << name;
     }
+}
+
+// ---- stopped and resumed ------------------------------------------------------------------------
+
+// Few steps of everything that has a state: moments, running statistics, dropout, two samplers
+// that draw more than a frame per step, and a texture network that sees the frame's pose.
+Preset restlessPreset() {
+    Preset preset = tinyPreset();
+    preset.fit.passes = 2;
+    preset.mesh.steps = 7;
+    preset.mesh.batch = 2;
+    preset.mesh.balanceHeadings = true;
+    preset.texture.steps = 8;
+    preset.texture.batch = 2;
+    preset.texture.dropout = 0.5;
+    preset.texture.constantInput = false;
+    preset.texture.region = "union";
+    return preset;
+}
+
+TrainOptions restlessOptions(const fs::path& capture, const fs::path& out) {
+    TrainOptions options;
+    options.capture = capture;
+    options.out = out;
+    options.body = "default";
+    options.stages = {"fit", "mesh", "texture"};
+    options.preset = restlessPreset();
+    options.pictureSeconds = 0;
+    return options;
+}
+
+// As the program does it, with a hand at the switch.
+void trainUntil(const TrainOptions& options, bool resume, double checkpointSeconds,
+                const std::function<void(const std::string& stage, int64_t done)>& afterStep) {
+    Avatar avatar;
+    if (resume && !readRunRecord(options.out)->done.empty()) {
+        avatar = readAvatar(options.out);
+    } else {
+        avatar.bodyArrays = readBodyArrays(options.body);
+        avatar.body = bodyFromNpz(avatar.bodyArrays);
+    }
+    avatar.preset = options.preset;
+    TrainSettings settings;
+    settings.stages = options.stages;
+    settings.out = options.out;
+    settings.pictureSeconds = 0;
+    settings.resume = resume;
+    settings.checkpointSeconds = checkpointSeconds;
+    settings.afterStep = afterStep;
+    trainAvatar(testDevice(), std::move(avatar), readCapture(options.capture), settings);
+}
+
+void expectSameResult(const fs::path& a, const fs::path& b) {
+    for (const char* name :
+         {"body.npz", "mesh_net.safetensors", "texture_net.safetensors", "texture.png",
+          "preview.png", "log/losses_fit.csv", "log/losses_mesh.csv", "log/losses_texture.csv"}) {
+        std::string bytes = bytesOf(a / name);
+        EXPECT_FALSE(bytes.empty()) << name;
+        EXPECT_EQ(bytes, bytesOf(b / name)) << name;
+    }
+    EXPECT_FALSE(fs::exists(a / "checkpoints"));
+    EXPECT_FALSE(fs::exists(b / "checkpoints"));
+}
+
+class Resume : public ::testing::Test {
+protected:
+    static void SetUpTestSuite() {
+        folder_ = std::make_unique<test::Folder>();
+        tinyCapture(capture());
+        runTrain(restlessOptions(capture(), whole()));
+    }
+    static void TearDownTestSuite() { folder_.reset(); }
+    static fs::path capture() { return folder_->path() / "capture"; }
+    static fs::path whole() { return folder_->path() / "whole"; }
+    static std::unique_ptr<test::Folder> folder_;
+};
+std::unique_ptr<test::Folder> Resume::folder_;
+
+TEST_F(Resume, EndsWithTheSameBytesAfterCtrlCInEveryStage) {
+    TrainOptions options = restlessOptions(capture(), folder_->path() / "stopped");
+    const std::vector<std::pair<std::string, int64_t>> stops{
+        {"fit", 5}, {"fit", 12}, {"mesh", 3}, {"texture", 1}, {"texture", 6}};
+    for (size_t k = 0; k < stops.size(); ++k) {
+        const auto& [stage, step] = stops[k];
+        catchInterrupts();
+        std::string kept;
+        try {
+            trainUntil(options, k > 0, 0, [&](const std::string& at, int64_t done) {
+                if (at == stops[k].first && done == stops[k].second) raise(SIGINT);
+            });
+            ADD_FAILURE() << "nobody stopped at step " << step << " of " << stage;
+        } catch (const Interrupted& stop) {
+            kept = stop.kept;
+        }
+        EXPECT_NE(kept.find(stage + ".safetensors"), std::string::npos) << kept;
+        EXPECT_TRUE(fs::exists(options.out / "checkpoints" / (stage + ".safetensors")));
+    }
+    catchInterrupts();
+    signal(SIGINT, SIG_DFL);
+
+    // Another run is not mistaken for this one.
+    TrainOptions other = options;
+    other.common.seed = 2;
+    expectInputError([&] { runTrain(other); },
+                     "an unfinished run is there, with seed = 1, and this one has 2");
+    other = options;
+    other.preset.texture.lr *= 2;
+    expectInputError([&] { runTrain(other); }, "with texture.lr = ");
+    other = options;
+    other.frames = "0:5";
+    expectInputError([&] { runTrain(other); },
+                     "an unfinished run is there, with capture_frames = ");
+
+    // The same command goes on, without a flag.
+    runTrain(options);
+    expectSameResult(options.out, whole());
+    // Now there is nothing more to go on with.
+    options.resume = true;
+    expectInputError([&] { runTrain(options); }, "expected an unfinished run to go on with");
+}
+
+TEST_F(Resume, EndsWithTheSameBytesAfterBeingKilledBetweenCheckpoints) {
+    struct Killed {};
+    TrainOptions options = restlessOptions(capture(), folder_->path() / "killed");
+    fs::path aside = folder_->path() / "aside.safetensors";
+    const std::vector<std::string> stages{"fit", "mesh", "texture"};
+    for (size_t k = 0; k < stages.size(); ++k) {
+        // A checkpoint after each step; the one of step 3 is what a kill during step 6 finds.
+        fs::path checkpoint = options.out / "checkpoints" / (stages[k] + ".safetensors");
+        auto kill = [&](const std::string& stage, int64_t done) {
+            if (stage != stages[k]) return;
+            if (done == 4) fs::copy_file(checkpoint, aside, fs::copy_options::overwrite_existing);
+            if (done == 6) throw Killed{};
+        };
+        EXPECT_THROW(trainUntil(options, k > 0, 1e-9, kill), Killed);
+        fs::rename(aside, checkpoint);
+    }
+    options.resume = true;
+    runTrain(options);
+    expectSameResult(options.out, whole());
+}
+
+TEST_F(Resume, StartsOverWhenAsked) {
+    struct Killed {};
+    TrainOptions options = restlessOptions(capture(), folder_->path() / "restarted");
+    auto kill = [&](const std::string& stage, int64_t done) {
+        if (stage == "mesh" && done == 2) throw Killed{};
+    };
+    TrainOptions other = options;
+    other.preset.fit.lrTheta *= 0.5;
+    EXPECT_THROW(trainUntil(other, false, 1e-9, kill), Killed);
+    options.restart = true;
+    runTrain(options);
+    expectSameResult(options.out, whole());
+}
+
+TEST_F(Resume, StagesThatAreNotTrainedKeepTheirNetworksAndNumbers) {
+    TrainOptions options = restlessOptions(capture(), folder_->path() / "again");
+    fs::copy(whole(), options.out, fs::copy_options::recursive);
+    options.stages = {"texture"};
+    options.preset.mesh.hidden = 8;
+    options.preset.texture.steps = 1;
+    options.preset.texture.width = 8;
+    runTrain(options);
+    for (const char* name : {"body.npz", "mesh_net.safetensors"})
+        EXPECT_EQ(bytesOf(options.out / name), bytesOf(whole() / name)) << name;
+    Avatar avatar = readAvatar(options.out);
+    EXPECT_EQ(avatar.preset.mesh.hidden, 16);
+    EXPECT_EQ(avatar.preset.texture.width, 8);
+    AvatarRenderer renderer(testDevice(), avatar);  // all shapes agree
+
+    options.stages = {"fit"};
+    options.preset.fit.passes = 1;
+    options.preset.texture.width = 4;
+    runTrain(options);
+    EXPECT_EQ(bytesOf(options.out / "mesh_net.safetensors"),
+              bytesOf(whole() / "mesh_net.safetensors"));
+    EXPECT_EQ(readAvatar(options.out).preset.texture.width, 8);
+    EXPECT_NE(readAvatar(options.out).betas, avatar.betas);
+}
+
+TEST_F(Resume, SaysWhatIsWrongWithTrainingState) {
+    struct Killed {};
+    TrainOptions options = restlessOptions(capture(), folder_->path() / "damaged");
+    auto kill = [&](const std::string& stage, int64_t done) {
+        if (stage == "fit" && done == 4) throw Killed{};
+    };
+    EXPECT_THROW(trainUntil(options, false, 1e-9, kill), Killed);
+    fs::path record = options.out / "checkpoints" / "run.toml";
+    fs::path checkpoint = options.out / "checkpoints" / "fit.safetensors";
+    std::string bytes = bytesOf(checkpoint), text = bytesOf(record);
+
+    fs::resize_file(checkpoint, bytes.size() - 100);
+    expectInputError([&] { runTrain(options); }, "fit.safetensors");
+    fs::resize_file(record, text.size() / 2);
+    expectInputError([&] { runTrain(options); }, "run.toml");
+    fs::resize_file(record, 0);
+    expectInputError([&] { runTrain(options); }, "run.toml: expected a table asked");
 }
 
 TEST(Train, RefusesWhatIsNoAvatar) {

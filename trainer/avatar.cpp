@@ -30,7 +30,11 @@ WeightMap readNetwork(const fs::path& path) {
 }
 
 void writeNetwork(const fs::path& path, const WeightMap& weights) {
-    if (weights.empty()) return;
+    if (weights.empty()) {
+        std::error_code ignored;
+        fs::remove(path, ignored);
+        return;
+    }
     Safetensors file;
     file.tensors = weights;
     file.metadata["format"] = "doppel";
@@ -75,7 +79,10 @@ void writeAvatar(const fs::path& folder, const Avatar& avatar) {
     writeNpz(folder / "body.npz", body, true);
     writeNetwork(folder / "mesh_net.safetensors", avatar.meshNet);
     writeNetwork(folder / "texture_net.safetensors", avatar.textureNet);
-    if (!avatar.texture.empty())
+    std::error_code ignored;
+    if (avatar.texture.empty())
+        fs::remove(folder / "texture.png", ignored);
+    else
         writeImage(folder / "texture.png",
                    toImage(avatar.texture, avatar.textureSize, avatar.textureSize));
 

@@ -6,7 +6,7 @@
 //     texture_net.safetensors   once stage "texture" is done
 //     texture.png               the atlas as the texture network paints it for all sides
 //     preview.png
-//     checkpoints/, log/        training state and curves
+//     checkpoints/, log/        training state, while a run is unfinished, and curves
 #pragma once
 
 #include <filesystem>
@@ -39,7 +39,8 @@ struct Avatar {
 };
 
 Avatar readAvatar(const std::filesystem::path& folder);
-// Creates or updates the folder; each file appears whole or not at all.
+// Creates or updates the folder; each file appears whole or not at all. Files of networks that the
+// avatar does not have are removed.
 void writeAvatar(const std::filesystem::path& folder, const Avatar& avatar);
 
 // "default", "default-full" (of assets/body), or an .npz, or SMPL's .pkl.

@@ -293,7 +293,17 @@ struct CommandLine {
         addFrames(c, train.frames, "Frames to learn from");
         addBody(c, train.body);
         addPreset(c, shared["train"], "small");
-        c.add_flag("--resume", train.resume, "Go on from the checkpoint in the avatar's folder");
+        CLI::Option* resume = c.add_flag(
+            "--resume", train.resume,
+            "Only go on with the unfinished run in the avatar's folder, which happens without it "
+            "as well; refuse to start one");
+        c.add_flag("--restart", train.restart,
+                   "Start over where an unfinished run is in the avatar's folder")
+            ->excludes(resume);
+        c.add_option("--checkpoint-every", train.checkpointSeconds,
+                     "Seconds between checkpoints; 0: only at Ctrl-C")
+            ->capture_default_str()
+            ->check(CLI::NonNegativeNumber);
         c.add_option("--picture-every", train.pictureSeconds,
                      "Seconds between pictures of the state; 0: none")
             ->capture_default_str()

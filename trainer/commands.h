@@ -46,10 +46,12 @@ struct TrainOptions {
     std::string body, frames;
     std::vector<std::string> stages;  // of "fit", "mesh", "texture", in this order
     Preset preset;
-    bool resume = false;         // from the checkpoint in the avatar's folder
-    double pictureSeconds = 60;  // a picture of the state this often; 0: none
-    uint64_t memoryBudget = 0;   // bytes for the graph's temporaries; 0: what the device has
-    int profileSteps = 0;        // > 0: time so many steps of each stage per op, and keep nothing
+    bool resume = false;   // refuse to start a new run
+    bool restart = false;  // leave an unfinished run in the avatar's folder, and start over
+    double checkpointSeconds = 180;  // 0: only at Ctrl-C
+    double pictureSeconds = 60;      // a picture of the state this often; 0: none
+    uint64_t memoryBudget = 0;       // bytes for the graph's temporaries; 0: what the device has
+    int profileSteps = 0;  // > 0: time so many steps of each stage per op, and keep nothing
 };
 
 struct RenderOptions {

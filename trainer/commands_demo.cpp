@@ -99,7 +99,7 @@ void runDemo(const DemoOptions& options) {
     testFitted.betas = person.betas;
     FitResult testFit =
         fitCapture(device, person.body, testFitted,
-                   {.preset = person.preset.fit, .fitShape = false, .seed = options.common.seed});
+                   {.preset = person.preset.fit, .fitShape = false, .loop = {.seed = options.common.seed}});
     FrameCache testFrames(test);
     double iouGiven = mean(silhouetteIous(device, person.body, test, testFrames));
     std::vector<FrameMetrics> metrics = evaluateAvatar(device, person, testFitted);

@@ -27,7 +27,7 @@ void runEval(const EvalOptions& options) {
         capture.betas = avatar.betas;
         FitResult fit = fitCapture(
             device, avatar.body, capture,
-            {.preset = avatar.preset.fit, .fitShape = false, .seed = options.common.seed});
+            {.preset = avatar.preset.fit, .fitShape = false, .loop = {.seed = options.common.seed}});
         settings.emplace_back("body_iou_before_fit", fmt::format("{:.4f}", fit.iouBefore));
         settings.emplace_back("body_iou_after_fit", fmt::format("{:.4f}", fit.iouAfter));
     }

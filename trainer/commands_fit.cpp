@@ -14,7 +14,7 @@ void runFit(const FitOptions& options) {
     BodyModel body = bodyFromNpz(readBodyArrays(options.body));
     Device device({.name = options.common.device});
     FitResult result = fitCapture(device, body, capture,
-                                  {.preset = options.preset.fit, .seed = options.common.seed});
+                                  {.preset = options.preset.fit, .loop = {.seed = options.common.seed}});
     capture.source["fitted_by"] = options.common.commandLine;
     writeCapture(capture, options.out);
     if (options.common.json) {

@@ -1,6 +1,8 @@
+#include <algorithm>
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "trainer/checkpoint.h"
 #include "trainer/commands.h"
 #include "trainer/train.h"
 
@@ -11,19 +13,40 @@ void runTrain(const TrainOptions& options) {
     capture = capture.subset(selectFrames(options.frames, capture.size()));
     capture.requireMasks();
 
-    // Stages build on what is there: training the texture alone takes the avatar's own body.
+    std::optional<RunRecord> unfinished;
+    if (!options.restart && options.profileSteps == 0) unfinished = readRunRecord(options.out);
+    if (options.resume && !unfinished)
+        throwInput(
+            "{}: expected an unfinished run to go on with, found none; without --resume a "
+            "new one starts",
+            options.out.string());
+    auto trains = [&](const char* stage) { return std::ranges::count(options.stages, stage) > 0; };
+
+    // Stages build on what is there: training the texture alone takes the avatar's own body and
+    // mesh. A run of all stages needs nothing of it, and replaces it whatever it is.
     Avatar avatar;
-    bool goesOn = std::filesystem::exists(options.out / "avatar.toml");
-    bool first = options.stages.front() == "fit" || !goesOn;
-    if (goesOn && (!first || options.resume)) {
+    bool exists = std::filesystem::exists(options.out / "avatar.toml");
+    bool all = trains("fit") && trains("mesh") && trains("texture");
+    if ((exists && !all) || (unfinished && !unfinished->done.empty()))
         avatar = readAvatar(options.out);
-        avatar.preset = options.preset;
-    } else {
+    else
+        avatar.betas = capture.betas;
+    if (!exists || trains("fit")) {
+        BodyModel before = std::move(avatar.body);
         avatar.bodyArrays = readBodyArrays(options.body);
         avatar.body = bodyFromNpz(avatar.bodyArrays);
-        avatar.preset = options.preset;
-        avatar.betas = capture.betas;
+        if (before.templateVertices != avatar.body.templateVertices ||
+            before.faces != avatar.body.faces) {  // networks of another body are of no use
+            avatar.meshNet.clear();
+            avatar.textureNet.clear();
+            avatar.texture.clear();
+        }
     }
+    // Numbers of stages that are left alone stay with their networks.
+    Preset before = avatar.preset;
+    avatar.preset = options.preset;
+    if (!avatar.meshNet.empty() && !trains("mesh")) avatar.preset.mesh = before.mesh;
+    if (!avatar.textureNet.empty() && !trains("texture")) avatar.preset.texture = before.texture;
     avatar.provenance["capture"] = capture.name;
     avatar.provenance["command"] = options.common.commandLine;
     avatar.provenance["seed"] = fmt::format("{}", options.common.seed);
@@ -33,7 +56,8 @@ void runTrain(const TrainOptions& options) {
     settings.stages = options.stages;
     settings.out = options.out;
     settings.seed = options.common.seed;
-    settings.resume = options.resume;
+    settings.resume = unfinished.has_value();
+    settings.checkpointSeconds = options.checkpointSeconds;
     settings.pictureSeconds = options.pictureSeconds;
     settings.memoryBudget = options.memoryBudget;
     settings.profileSteps = options.profileSteps;

@@ -103,6 +103,14 @@ StepParams stepParams(int64_t i, uint64_t seed, double rate, const AdamWOptions&
     return params;
 }
 
+std::map<std::string, std::string> stageIdentity(const Avatar& avatar, const std::string& stage) {
+    std::map<std::string, std::string> identity;
+    identity["vertices"] = fmt::format("{}", avatar.body.vertexCount);
+    for (const auto& [name, value] : presetValues(avatar.preset))
+        if (name.starts_with(stage + ".")) identity[name] = value;
+    return identity;
+}
+
 double readLoss(Graph& graph, const Tensor& loss, const char* stage, int64_t step) {
     double value = static_cast<double>(graph.readScalar(loss));
     if (!std::isfinite(value))

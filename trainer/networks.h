@@ -51,6 +51,9 @@ AdamWOptions adamwOptions(double beta1, double beta2, double weightDecay);
 // Of step i, counting from 0.
 StepParams stepParams(int64_t i, uint64_t seed, double rate, const AdamWOptions& options);
 
+// Sizes and numbers of a stage, for checkpoints of it: the body's, and the preset's.
+std::map<std::string, std::string> stageIdentity(const Avatar& avatar, const std::string& stage);
+
 // An output of one number. MachineError naming stage and step where it is not finite.
 double readLoss(Graph& graph, const Tensor& loss, const char* stage, int64_t step);
 

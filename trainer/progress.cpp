@@ -24,6 +24,7 @@ double secondsBetween(Clock::time_point from, Clock::time_point to) {
 }  // namespace
 
 void catchInterrupts() {
+    gInterrupted = false;
     struct sigaction action {};
     action.sa_handler = [](int) { gInterrupted = true; };
     // Once: the second Ctrl-C finds the default again, which ends the program.

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
-#include <optional>
 
 #include "nn/fit.h"
 #include "nn/lbs.h"
@@ -206,18 +205,20 @@ FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
     int keypointCount = capture.keypoints ? capture.keypoints->count : 0;
     FitStep step(device, body, fitted, settings, keypointCount);
 
-    FrameSampler sampler(fitted.size(), settings.seed);
+    FrameSampler sampler(fitted.size(), settings.loop.seed);
     int64_t steps = int64_t{preset.passes} * static_cast<int64_t>(fitted.size());
     std::vector<uint32_t> visits(fitted.size());
-    Progress progress("fit", steps);
-    std::optional<LossLog> log;
-    if (!settings.logFolder.empty())
-        log.emplace(settings.logFolder, "fit", std::vector<std::string>{"loss", "iou_loss"});
-    for (int64_t i = 0; i < steps; ++i) {
-        if (interrupted()) throw Interrupted{};
-        size_t frame = sampler.next();
+    size_t frame = 0;
+    StageLoop loop{.stage = "fit", .steps = steps, .columns = {"loss", "iou_loss"}};
+    loop.identity = {{"frames", fmt::format("{}", fitted.size())}};
+    loop.trained = {{"corrections", &step.corrections}, {"shape", &step.shape}};
+    loop.draw = [&] {
+        frame = sampler.next();
+        ++visits[frame];
+    };
+    loop.step = [&](int64_t i) {
         double rate = scheduledRate(preset.lrTheta, preset.constantPart, i, steps);
-        StepParams params = adamwStepParams(++visits[frame], static_cast<float>(rate), kAdam);
+        StepParams params = adamwStepParams(visits[frame], static_cast<float>(rate), kAdam);
         params.frame = static_cast<uint32_t>(frame);
         // A wide band at first, in which far limbs are felt; a sharp one at the end.
         double done = static_cast<double>(i) / static_cast<double>(steps);
@@ -237,9 +238,9 @@ FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
         if (!std::isfinite(loss))
             throwMachine("fit: the loss became {} at step {} (frame {})", loss, i + 1,
                          fitted.frames[frame].name);
-        if (log) log->add(i, {loss, iouLoss});
-        progress.update(i + 1, {{"loss", loss}, {"iou", 1 - iouLoss}});
-    }
+        return StageLoop::Report{{{"loss", loss}, {"iou", 1 - iouLoss}}, {loss, iouLoss}};
+    };
+    loop.run(settings.loop);
 
     std::vector<float> rows = step.corrections.read(*step.corrections.find("correction"));
     for (size_t f = 0; f < fitted.size(); ++f) {

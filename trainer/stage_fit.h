@@ -9,7 +9,7 @@
 #include "nn/body.h"
 #include "trainer/capture.h"
 #include "trainer/preset.h"
-#include "trainer/progress.h"
+#include "trainer/stage_loop.h"
 
 namespace doppel {
 
@@ -21,13 +21,12 @@ struct FitResult {
 
 struct FitSettings {
     FitPreset preset;
-    bool fitShape = true;  // false: betas stay as they are (a known person in new frames)
-    uint64_t seed = 1;
-    std::filesystem::path logFolder;  // loss curves; empty: none
+    bool fitShape = true;    // false: betas stay as they are (a known person in new frames)
+    LoopSettings loop = {};  // its seed; with a folder, curves and checkpoints go there
 };
 
 // Replaces capture.betas, theta and trans. Every frame needs a mask (InputError otherwise).
-// Interrupted is thrown with nothing changed.
+// Interrupted is thrown with nothing changed but what settings.loop keeps.
 FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
                      const FitSettings& settings);
 

@@ -1,12 +1,11 @@
 // Stage 1: the mesh refinement network G_m, trained against the masks through the soft silhouette
 // (see nn/mesh_step.h).
 #include <cmath>
-#include <optional>
 
 #include "nn/mesh_step.h"
 #include "trainer/checkpoint.h"
 #include "trainer/networks.h"
-#include "trainer/progress.h"
+#include "trainer/stage_loop.h"
 #include "trainer/train.h"
 #include "trainer/training_frames.h"
 
@@ -51,19 +50,18 @@ void trainMesh(Device& device, Avatar& avatar, const Capture& capture,
     std::vector<double> weights;
     if (preset.balanceHeadings) weights = headingWeights(capture);
     FrameSampler sampler(frames.count(), settings.seed + 17, weights);
-    Checkpoint checkpoint(settings.out / "checkpoints", "mesh", avatar, settings.seed, steps);
-    int64_t first = settings.resume ? checkpoint.restore(net) : 0;
-    for (int64_t i = 0; i < first * preset.batch; ++i) sampler.next();
-
-    Progress progress("mesh", settings.profileSteps > 0 ? settings.profileSteps : steps);
-    std::optional<LossLog> log;
-    if (settings.profileSteps == 0)
-        log.emplace(settings.out / "log", "mesh",
-                    std::vector<std::string>{"loss", "iou_loss", "laplacian", "normal"}, first);
-    PictureClock pictures(settings.pictureSeconds);
-    for (int64_t i = first; i < steps; ++i) {
-        for (const MeshStep::Sample& sample : step.samples) {
-            size_t frame = sampler.next();
+    std::vector<size_t> drawn(step.samples.size());
+    StageLoop loop{
+        .stage = "mesh", .steps = steps, .columns = {"loss", "iou_loss", "laplacian", "normal"}};
+    loop.identity = stageIdentity(avatar, "mesh");
+    loop.trained = {{"net", &net}};
+    loop.draw = [&] {
+        for (size_t& frame : drawn) frame = sampler.next();
+    };
+    loop.step = [&](int64_t i) {
+        for (size_t k = 0; k < drawn.size(); ++k) {
+            const MeshStep::Sample& sample = step.samples[k];
+            size_t frame = drawn[k];
             step.graph.write(sample.theta, std::span<const float>(capture.theta[frame]));
             step.graph.write(sample.trans, std::span<const float>(capture.trans[frame]));
             step.graph.write(sample.target, frames.mask(frame));
@@ -77,28 +75,16 @@ void trainMesh(Device& device, Avatar& avatar, const Capture& capture,
         step.graph.run();
         double loss = readLoss(step.graph, step.loss, "mesh", i);
         double iou = readLoss(step.graph, step.iouLoss, "mesh", i);
-        progress.update(i + 1, {{"loss", loss}, {"iou", 1 - iou}});
-        if (settings.profileSteps > 0) {
-            if (i + 1 == settings.profileSteps) {
-                printProfile("mesh", step.graph);
-                return;
-            }
-            continue;
-        }
-        log->add(i, {loss, iou, readLoss(step.graph, step.laplacian, "mesh", i),
-                     readLoss(step.graph, step.normal, "mesh", i)});
-        if (pictures.due()) {
-            avatar.meshNet = readWeights(net);
-            writeStatePicture(device, avatar, capture, cache, settings.out / "progress.png");
-        }
-        if (interrupted()) {
-            checkpoint.save(net, i + 1);
-            throw Interrupted{"checkpoint " + checkpoint.path().string()};
-        }
-        checkpoint.saveIfDue(net, i + 1);
-    }
-    avatar.meshNet = readWeights(net);
-    checkpoint.remove();
+        return StageLoop::Report{{{"loss", loss}, {"iou", 1 - iou}},
+                                 {loss, iou, readLoss(step.graph, step.laplacian, "mesh", i),
+                                  readLoss(step.graph, step.normal, "mesh", i)}};
+    };
+    loop.picture = [&] {
+        avatar.meshNet = readWeights(net);
+        writeStatePicture(device, avatar, capture, cache, settings.out / "progress.png");
+    };
+    loop.profile = [&] { printProfile("mesh", step.graph); };
+    if (loop.run(settings)) avatar.meshNet = readWeights(net);
 }
 
 }  // namespace doppel

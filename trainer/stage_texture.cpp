@@ -1,12 +1,11 @@
 // Stage 2: the coarse texture network G_TN, trained against the frames through the hard textured
 // rasterizer, the mesh network frozen (see nn/texture_step.h).
 #include <cmath>
-#include <optional>
 
 #include "nn/texture_step.h"
 #include "trainer/checkpoint.h"
 #include "trainer/networks.h"
-#include "trainer/progress.h"
+#include "trainer/stage_loop.h"
 #include "trainer/train.h"
 #include "trainer/training_frames.h"
 
@@ -50,18 +49,18 @@ void trainTexture(Device& device, Avatar& avatar, const Capture& capture,
     if (avatar.preset.mesh.balanceHeadings) weights = headingWeights(capture);
     FrameSampler sampler(frames.count(), settings.seed + 29, weights);
     int64_t steps = preset.steps;
-    Checkpoint checkpoint(settings.out / "checkpoints", "texture", avatar, settings.seed, steps);
-    int64_t first = settings.resume ? checkpoint.restore(net.parameters(), &net.state()) : 0;
-    for (int64_t i = 0; i < first * preset.batch; ++i) sampler.next();
-
-    Progress progress("texture", settings.profileSteps > 0 ? settings.profileSteps : steps);
-    std::optional<LossLog> log;
-    if (settings.profileSteps == 0)
-        log.emplace(settings.out / "log", "texture", std::vector<std::string>{"loss"}, first);
-    PictureClock pictures(settings.pictureSeconds);
-    for (int64_t i = first; i < steps; ++i) {
-        for (const TextureStep::Sample& sample : step.samples) {
-            size_t frame = sampler.next();
+    std::vector<size_t> drawn(step.samples.size());
+    StageLoop loop{.stage = "texture", .steps = steps, .columns = {"loss"}};
+    loop.identity = stageIdentity(avatar, "texture");
+    loop.trained = {{"net", &net.parameters()}};
+    loop.statistics = {{"statistics", &net.state()}};
+    loop.draw = [&] {
+        for (size_t& frame : drawn) frame = sampler.next();
+    };
+    loop.step = [&](int64_t i) {
+        for (size_t k = 0; k < drawn.size(); ++k) {
+            const TextureStep::Sample& sample = step.samples[k];
+            size_t frame = drawn[k];
             step.graph.write(sample.verts, verts[frame]);
             step.graph.write(sample.image, frames.image(frame));
             step.graph.write(sample.mask, frames.mask(frame));
@@ -72,29 +71,18 @@ void trainTexture(Device& device, Avatar& avatar, const Capture& capture,
                        adamwOptions(preset.beta1, preset.beta2, preset.weightDecay)));
         step.graph.run();
         double loss = readLoss(step.graph, step.loss, "texture", i);
-        progress.update(i + 1, {{"loss", loss}});
-        if (settings.profileSteps > 0) {
-            if (i + 1 == settings.profileSteps) {
-                printProfile("texture", step.graph);
-                return;
-            }
-            continue;
-        }
-        log->add(i, {loss});
-        if (pictures.due()) {
-            avatar.textureNet = net.weights();
-            paintTexture(device, avatar);
-            writeStatePicture(device, avatar, capture, cache, settings.out / "progress.png");
-        }
-        if (interrupted()) {
-            checkpoint.save(net.parameters(), i + 1, &net.state());
-            throw Interrupted{"checkpoint " + checkpoint.path().string()};
-        }
-        checkpoint.saveIfDue(net.parameters(), i + 1, &net.state());
-    }
-    avatar.textureNet = net.weights();
-    paintTexture(device, avatar);
-    checkpoint.remove();
+        return StageLoop::Report{{{"loss", loss}}, {loss}};
+    };
+    auto paint = [&] {
+        avatar.textureNet = net.weights();
+        paintTexture(device, avatar);
+    };
+    loop.picture = [&] {
+        paint();
+        writeStatePicture(device, avatar, capture, cache, settings.out / "progress.png");
+    };
+    loop.profile = [&] { printProfile("texture", step.graph); };
+    if (loop.run(settings)) paint();
 }
 
 }  // namespace doppel

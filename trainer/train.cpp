@@ -1,8 +1,12 @@
 #include "trainer/train.h"
 
+#include <fmt/ranges.h>
+
 #include <algorithm>
+#include <span>
 
 #include "engine/io/image.h"
+#include "trainer/checkpoint.h"
 #include "trainer/networks.h"
 #include "trainer/output_folder.h"
 #include "trainer/rendering.h"
@@ -10,6 +14,20 @@
 namespace doppel {
 
 namespace {
+
+// FNV-1a: tells one capture or body from another, no more.
+class Digest {
+public:
+    template <typename T>
+    void add(std::span<const T> values) {
+        for (std::byte b : std::as_bytes(values))
+            hash_ = (hash_ ^ static_cast<uint64_t>(b)) * 0x100000001b3u;
+    }
+    std::string text() const { return fmt::format("{:016x}", hash_); }
+
+private:
+    uint64_t hash_ = 0xcbf29ce484222325u;
+};
 
 // The avatar standing, from the front and from a side.
 void writePreview(Device& device, const Avatar& avatar, const std::filesystem::path& path) {
@@ -31,54 +49,150 @@ void writePreview(Device& device, const Avatar& avatar, const std::filesystem::p
     writeImage(path, preview);
 }
 
+// What a run is asked for: all that its result depends on, but the pictures themselves.
+std::map<std::string, std::string> askedFor(const TrainSettings& settings, const Avatar& avatar,
+                                            const Capture& capture) {
+    std::map<std::string, std::string> asked;
+    asked["stages"] = fmt::format("{}", fmt::join(settings.stages, ","));
+    asked["seed"] = fmt::format("{}", settings.seed);
+    for (const auto& [name, value] : presetValues(avatar.preset))
+        for (const std::string& stage : settings.stages)
+            if (name.starts_with(stage + ".")) asked[name] = value;
+    Digest poses, cameras, body;
+    for (size_t i = 0; i < capture.size(); ++i) {
+        const Camera& camera = capture.frames[i].camera;
+        poses.add(std::span<const float>(capture.theta[i]));
+        poses.add(std::span<const float>(capture.trans[i]));
+        cameras.add(std::span<const char>(capture.frames[i].name));
+        cameras.add(std::span<const double>({camera.fx, camera.fy, camera.cx, camera.cy,
+                                             double(camera.width), double(camera.height)}));
+    }
+    poses.add(std::span<const float>(capture.betas));
+    body.add(std::span<const float>(avatar.body.templateVertices));
+    body.add(std::span<const int32_t>(avatar.body.faces));
+    asked["capture"] = capture.name;
+    asked["frames"] = fmt::format("{}", capture.size());
+    asked["capture_poses"] = poses.text();
+    asked["capture_frames"] = cameras.text();
+    asked["body"] = body.text();
+    return asked;
+}
+
+// What is on disk of a run, between its start and its end.
+class Run {
+public:
+    Run(const TrainSettings& settings, const Avatar& avatar, const Capture& capture)
+        : settings_(settings) {
+        if (!settings.keeps()) return;
+        std::map<std::string, std::string> asked = askedFor(settings, avatar, capture);
+        std::optional<RunRecord> there;
+        if (settings.resume) there = readRunRecord(settings.out);
+        if (there) {
+            checkSame(there->asked, asked);
+            record_ = *there;
+            fmt::print(stderr, "{}: going on with the unfinished run (--restart starts over)\n",
+                       settings.out.string());
+            return;
+        }
+        removeTrainingState(settings.out);
+        record_.asked = asked;
+        writeRunRecord(settings.out, record_);
+    }
+
+    bool wants(const char* stage) const { return std::ranges::count(settings_.stages, stage) > 0; }
+    bool isDone(const char* stage) const { return record_.isDone(stage); }
+
+    // Result first, then the word that it is there: a run killed between the two takes the stage's
+    // last steps again.
+    void finish(const char* stage, const Avatar& avatar) {
+        if (!settings_.keeps()) return;
+        writeAvatar(settings_.out, avatar);
+        record_.done.push_back(stage);
+        writeRunRecord(settings_.out, record_);
+        std::error_code ignored;
+        std::filesystem::remove(folder() / (std::string(stage) + ".safetensors"), ignored);
+    }
+
+    // The capture as stage "fit" leaves it.
+    void writePoses(const Capture& capture) const {
+        if (!settings_.keeps()) return;
+        writeNpz(folder() / "poses.npz", posesArrays(capture.theta, capture.trans, capture.betas),
+                 false);
+    }
+    void readPoses(Capture& capture) const {
+        Motion poses = readMotion(folder() / "poses.npz");
+        if (poses.size() != capture.size())
+            throwInput("{}: expected {} poses, as many as the capture has frames, found {}",
+                       (folder() / "poses.npz").string(), capture.size(), poses.size());
+        capture.theta = poses.theta;
+        capture.trans = poses.trans;
+        capture.betas = poses.betas;
+    }
+
+private:
+    std::filesystem::path folder() const { return settings_.out / "checkpoints"; }
+
+    void checkSame(const std::map<std::string, std::string>& there,
+                   const std::map<std::string, std::string>& here) const {
+        auto valueOf = [](const std::map<std::string, std::string>& of, const std::string& key) {
+            auto found = of.find(key);
+            return found == of.end() ? std::string("none") : found->second;
+        };
+        std::map<std::string, std::string> all = there;
+        all.insert(here.begin(), here.end());
+        for (const auto& [key, unused] : all)
+            if (valueOf(there, key) != valueOf(here, key))
+                throwInput(
+                    "{}: an unfinished run is there, with {} = {}, and this one has {}; the same "
+                    "command goes on with it, --restart starts over",
+                    settings_.out.string(), key, valueOf(there, key), valueOf(here, key));
+    }
+
+    const TrainSettings& settings_;
+    RunRecord record_;
+};
+
 }  // namespace
 
 TrainResult trainAvatar(Device& device, Avatar avatar, Capture capture,
                         const TrainSettings& settings) {
     capture.requireMasks();
     TrainResult result{std::move(avatar), std::move(capture), std::nullopt};
-    bool keeps = settings.profileSteps == 0;
-    if (keeps) createFolders(settings.out);
-    auto wanted = [&](const char* stage) { return std::ranges::count(settings.stages, stage) > 0; };
+    if (settings.keeps()) createFolders(settings.out);
+    Run run(settings, result.avatar, result.capture);
 
-    // A resumed run that got as far as its networks has its fitted poses on disk.
-    std::filesystem::path fittedPoses = settings.out / "checkpoints" / "poses.npz";
-    if (wanted("fit") && settings.resume && std::filesystem::exists(fittedPoses)) {
-        Motion poses = readMotion(fittedPoses);
-        if (poses.size() != result.capture.size())
-            throwInput("{}: it has {} poses, the capture {} frames; train without --resume",
-                       fittedPoses.string(), poses.size(), result.capture.size());
-        result.capture.theta = poses.theta;
-        result.capture.trans = poses.trans;
-        result.capture.betas = poses.betas;
-    } else if (wanted("fit")) {
-        FitSettings fit;
-        fit.preset = result.avatar.preset.fit;
-        fit.seed = settings.seed;
-        if (keeps) fit.logFolder = settings.out / "log";
+    if (run.wants("fit") && !run.isDone("fit")) {
+        FitSettings fit{.preset = result.avatar.preset.fit, .loop = settings};
+        if (!settings.keeps()) fit.loop.out.clear();
+        fit.loop.profileSteps = 0;  // the stages after it need its result
         result.fit = fitCapture(device, result.avatar.body, result.capture, fit);
-        if (keeps) {
-            createFolders(fittedPoses.parent_path());
-            writeNpz(fittedPoses,
-                     posesArrays(result.capture.theta, result.capture.trans, result.capture.betas),
-                     false);
-        }
+        result.avatar.betas = result.capture.betas;
+        run.writePoses(result.capture);
+        run.finish("fit", result.avatar);
+    } else if (run.wants("fit")) {
+        run.readPoses(result.capture);
     }
-    if (wanted("fit")) result.avatar.betas = result.capture.betas;
     result.capture.betas = result.avatar.betas;
-    if (keeps) writeAvatar(settings.out, result.avatar);
-    bool meshDone = settings.resume && !result.avatar.meshNet.empty() &&
-                    !std::filesystem::exists(settings.out / "checkpoints" / "mesh.safetensors");
-    if (wanted("mesh") && !meshDone) {
+
+    // A stage's former result plays no part any more, whatever becomes of the run.
+    if (run.wants("mesh") && !run.isDone("mesh")) result.avatar.meshNet.clear();
+    if (run.wants("texture") && !run.isDone("texture")) {
+        result.avatar.textureNet.clear();
+        result.avatar.texture.clear();
+    }
+    if (run.wants("mesh") && !run.isDone("mesh")) {
         trainMesh(device, result.avatar, result.capture, settings);
-        if (keeps) writeAvatar(settings.out, result.avatar);
+        run.finish("mesh", result.avatar);
     }
-    if (wanted("texture")) {
+    if (run.wants("texture") && !run.isDone("texture")) {
         trainTexture(device, result.avatar, result.capture, settings);
-        if (keeps) writeAvatar(settings.out, result.avatar);
+        run.finish("texture", result.avatar);
     }
-    if (keeps && !result.avatar.texture.empty())
-        writePreview(device, result.avatar, settings.out / "preview.png");
+    if (settings.keeps()) {
+        if (!result.avatar.texture.empty())
+            writePreview(device, result.avatar, settings.out / "preview.png");
+        removeTrainingState(settings.out);
+    }
     return result;
 }
 

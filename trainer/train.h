@@ -11,15 +11,11 @@
 
 namespace doppel {
 
-struct TrainSettings {
+// resume: go on with the unfinished run in `out`, which must have been asked for the same;
+// otherwise what is left of one is removed.
+struct TrainSettings : LoopSettings {
     std::vector<std::string> stages{"fit", "mesh", "texture"};  // in this order
-    std::filesystem::path out;
-    uint64_t seed = 1;
-    bool resume = false;
-    double pictureSeconds = 60;
     uint64_t memoryBudget = 0;
-    int profileSteps =
-        0;  // > 0: run so many steps of each stage, print the time per op, keep nothing
 };
 
 struct TrainResult {
@@ -29,7 +25,8 @@ struct TrainResult {
 };
 
 // Reads the capture's frames, trains, and leaves the avatar in settings.out. avatar: what is there
-// already (its body, and networks of earlier stages).
+// already (its body, and networks of earlier stages). However often a run is stopped and resumed,
+// it ends with the same bytes. InputError where an unfinished run was asked for something else.
 TrainResult trainAvatar(Device& device, Avatar avatar, Capture capture,
                         const TrainSettings& settings);
 
