@@ -206,12 +206,15 @@ void Graph::backward(const std::vector<std::pair<Tensor, Tensor>>& upstream) {
     std::vector<Differentiable> reversed = std::move(differentiables_);
     differentiables_.clear();
     for (auto op = reversed.rbegin(); op != reversed.rend(); ++op) {
-        if (std::ranges::none_of(op->outputs, [&](const Tensor& t) { return hasGradient(t); }))
+        if (std::ranges::none_of(op->outputs, [&](const Tensor& t) { return hasGradient(t); })) {
+            differentiables_.push_back(std::move(*op));  // for a later backward()
             continue;
+        }
         beginOp(op->opName + ".backward", 0);
         op->backward();
         accumulateGradients();
     }
+    std::ranges::reverse(differentiables_);
 }
 
 // ---- memory -------------------------------------------------------------------------------------

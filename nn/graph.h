@@ -108,7 +108,9 @@ public:
     Tensor gradientTarget(const Tensor& input);
 
     // ---- reverse mode -----------------------------------------------------------------------
-    // Gradients of a scalar loss, its own being 1.
+    // Gradients of a scalar loss, its own being 1. Ops that the loss does not depend on are left for
+    // a later backward(), so that one graph holds several updates, one after the other; but each op
+    // is reversed once.
     void backward(const Tensor& loss);
     // Gradients of sum over pairs of <output, upstream>.
     void backward(const std::vector<std::pair<Tensor, Tensor>>& upstream);

@@ -67,6 +67,13 @@ void TextureUnet::allocate(Device& device) {
     statistics_.allocate(device);
 }
 
+Tensor TextureUnet::parameter(Graph& graph, const std::string& name, Mode mode) const {
+    if (!mode.frozen) return graph.parameter(parameters_, name);
+    const Parameters::Entry* entry = parameters_.find(name);
+    CHECK(entry, "there is a parameter {}", name);
+    return graph.attach(parameters_.view(*entry, Parameters::kValues), entry->shape);
+}
+
 Tensor TextureUnet::normalise(Graph& graph, const Tensor& x, const std::string& layer, float slope,
                               Mode mode) const {
     auto attached = [&](const std::string& what) {
@@ -75,8 +82,8 @@ Tensor TextureUnet::normalise(Graph& graph, const Tensor& x, const std::string& 
         return graph.attach(statistics_.view(*entry, Parameters::kValues), entry->shape);
     };
     RunningStatistics running{attached("_bn.running_mean"), attached("_bn.running_var")};
-    Tensor weight = graph.parameter(parameters_, layer + "_bn.weight");
-    Tensor bias = graph.parameter(parameters_, layer + "_bn.bias");
+    Tensor weight = parameter(graph, layer + "_bn.weight", mode);
+    Tensor bias = parameter(graph, layer + "_bn.bias", mode);
     BatchNormOptions options{.slope = slope};
     return mode.training ? batchNorm2d(graph, x, weight, bias, options, running)
                          : batchNorm2dEvaluation(graph, x, weight, bias, options, running);
@@ -89,10 +96,10 @@ Tensor TextureUnet::forward(Graph& graph, const Tensor& x, Mode mode) const {
           toString(x.shape));
     int64_t n = c.downs;
     auto weight = [&](const std::string& layer) {
-        return graph.parameter(parameters_, layer + ".weight");
+        return parameter(graph, layer + ".weight", mode);
     };
     auto bias = [&](const std::string& layer) {
-        return parameters_.find(layer + ".bias") ? graph.parameter(parameters_, layer + ".bias")
+        return parameters_.find(layer + ".bias") ? parameter(graph, layer + ".bias", mode)
                                                  : Tensor{};
     };
     std::vector<Tensor> encoded;

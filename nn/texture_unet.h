@@ -42,6 +42,7 @@ public:
     struct Mode {
         bool training = false;  // statistics of the batch, which move the running ones; or those
         bool dropout = false;   // needs graph.setStep() for fresh ones every step
+        bool frozen = false;    // parameters are constants of the gradient
     };
     // x [N, inputChannels, size, size] -> [N, outputChannels, size, size] in [-1, 1]. Gradients to
     // x and all parameters. allocate() comes before.
@@ -51,6 +52,7 @@ private:
     int64_t features(int64_t step) const;  // after step 1 … downs
     void declare(const std::string& layer, Shape weight, bool normalised, int64_t out,
                  uint32_t seed);
+    Tensor parameter(Graph& graph, const std::string& name, Mode mode) const;
     Tensor normalise(Graph& graph, const Tensor& x, const std::string& layer, float slope,
                      Mode mode) const;
 

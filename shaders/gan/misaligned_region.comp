@@ -1,0 +1,22 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "common/op.glsl"
+#include "gan/params.h"
+#include "gan/window.glsl"
+PARAMS(MisalignedRegionParams, 4)
+BUFFER(0, readonly, float, rendered);  // [H,W]
+BUFFER(1, readonly, float, real);      // [H,W]
+BUFFER(2, readonly, float, centres);   // [N,2] column, row in pixels
+BUFFER(3, writeonly, float, region);   // [H,W]
+
+ENTRY(forward) {
+    uint i = linearIndex();
+    if (i >= params.width * params.height) return;
+    ivec2 start = ivec2(windowStart(centres.d[2 * params.row], params.faceSize),
+                        windowStart(centres.d[2 * params.row + 1], params.faceSize));
+    ivec2 p = ivec2(i % params.width, i / params.width) - start;
+    int size = int(params.faceSize);
+    bool face = p.x >= 0 && p.y >= 0 && p.x < size && p.y < size;
+    float a = rendered.d[i], b = real.d[i];
+    region.d[i] = face ? 0 : params.oneSided != 0 ? a * (1 - b) : a + b - 2 * a * b;
+}

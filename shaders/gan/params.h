@@ -1,0 +1,26 @@
+#ifndef GAN_PARAMS_H
+#define GAN_PARAMS_H
+#include "common/shared.h"
+SHARED_BEGIN
+struct PlanarParams {
+    uint channels, pixels;
+};
+struct CropWindowParams {
+    uint planes;  // of all pictures, channels each
+    uint channels;
+    uint width, height;
+    uint size;  // of the window's side
+};
+struct GanLossParams {
+    uint n;         // logits
+    uint partials;  // first sums, each over every partials-th logit
+    float label;    // 1: real, 0: fake
+};
+struct MisalignedRegionParams {
+    uint width, height;
+    uint row;       // of the centres
+    uint faceSize;  // pixels
+    uint oneSided;
+};
+SHARED_END
+#endif
