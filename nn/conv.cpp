@@ -5,45 +5,22 @@
 #include "conv/params.h"
 #include "nn/linalg.h"
 #include "nn/op.h"
+#include "nn/winograd.h"
 
 namespace doppel {
 
-namespace {
-
-// The columns of a layer, what each window sees, are several times its images; they are made for
-// as many images, windows or channels at once as fit into this.
-constexpr int64_t kColumnsElements = int64_t{1} << 20;
-
-// Windows over images, as in conv/params.h. A convolution gathers from them, its transpose sums
-// into them; either way weight is [features, channels * kernel] with one feature map per window.
-struct Windows {
-    int64_t images = 0, channels = 0, height = 0, width = 0;
-    int64_t features = 0, kernelH = 0, kernelW = 0, stride = 0, padding = 0;
-    int64_t outHeight = 0, outWidth = 0;
-
-    int64_t windows() const { return outHeight * outWidth; }
-    int64_t rows() const { return channels * kernelH * kernelW; }
-    int64_t pixels() const { return height * width; }
-    double flops() const {
-        return 2.0 * static_cast<double>(images * features) *
-               static_cast<double>(rows() * windows());
-    }
-    Specialisation specialisation() const {
-        return {{"kKernelH", static_cast<uint32_t>(kernelH)},
-                {"kKernelW", static_cast<uint32_t>(kernelW)},
-                {"kStride", static_cast<uint32_t>(stride)}};
-    }
-};
-
-uint32_t u32(int64_t value) { return static_cast<uint32_t>(value); }
-
-// Workgroups of up to 64 along x, and y, z as they are.
 Groups planes(int64_t x, int64_t y, int64_t z, Specialisation& spec) {
     uint32_t size = x <= 8 ? 8 : x <= 16 ? 16 : x <= 32 ? 32 : 64;
     spec["local_size"] = size;
     CHECK(y <= 65535 && z <= 65535, "{} channels and {} images fit into one dispatch", y, z);
     return {u32((x + size - 1) / size), u32(y), u32(z)};
 }
+
+namespace {
+
+// The columns of a layer, what each window sees, are several times its images; they are made for
+// as many images, windows or channels at once as fit into this.
+constexpr int64_t kColumnsElements = int64_t{1} << 20;
 
 // Columns, what each window of some images sees [rows, images * windows], as panels for the right
 // side of a product: of windows for weight · columns, of rows for maps · columns^T (see
@@ -106,6 +83,7 @@ void reorderMaps(Graph& graph, const char* kernel, const Windows& w, const Tenso
 // maps[images, features, windows] = weight columns(image) (+ bias per feature)
 void gatherProduct(Graph& graph, const Windows& w, const Tensor& image, const Tensor& weight,
                    const Tensor& bias, const Tensor& maps) {
+    if (winogradPays(w)) return winogradGather(graph, w, image, weight, bias, maps);
     int64_t atOnce = imagesAtOnce(w), part = windowsAtOnce(w);
     Gemm product{.m = w.features, .k = w.rows(), .panelsB = true, .bias = bias, .biasPerRow = true};
     for (int64_t n = 0; n < w.images; n += atOnce) {
@@ -132,6 +110,7 @@ void gatherProduct(Graph& graph, const Windows& w, const Tensor& image, const Te
 // dweight[features, rows] = sum over images and windows of maps columns(image)^T
 void weightProduct(Graph& graph, const Windows& w, const Tensor& image, const Tensor& maps,
                    const Tensor& dweight) {
+    if (winogradPays(w)) return winogradWeights(graph, w, image, maps, dweight);
     int64_t atOnce = imagesAtOnce(w), part = windowsAtOnce(w);
     Gemm product{.m = w.features, .n = w.rows(), .panelsB = true};
     for (int64_t n = 0; n < w.images; n += atOnce) {
@@ -160,6 +139,7 @@ void weightProduct(Graph& graph, const Windows& w, const Tensor& image, const Te
 // image = sum over the windows that see a pixel of weight^T maps (+ bias per channel)
 void sumProduct(Graph& graph, const Windows& w, const Tensor& maps, const Tensor& weight,
                 const Tensor& bias, const Tensor& image) {
+    if (winogradPays(w)) return winogradSum(graph, w, maps, weight, bias, image);
     int64_t atOnce = imagesAtOnce(w), kernel = w.kernelH * w.kernelW;
     int64_t part = std::clamp<int64_t>(kColumnsElements / (kernel * w.windows()), 1, w.channels);
     if (atOnce > 1) part = w.channels;

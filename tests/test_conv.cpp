@@ -113,6 +113,19 @@ TEST(Conv, Conv2d) {
     for (const Case& c : cases) checkConvolution("conv2d", c, c.weight[0], convReference);
 }
 
+// Large enough for Winograd's way: tiles of one image and of several, in panels that are full and
+// that are not.
+TEST(Conv, Winograd) {
+    const Case cases[] = {{{1, 16, 32, 32}, {17, 16, 4, 4}, 2, 1},
+                          {{3, 17, 12, 40}, {16, 17, 4, 4}, 2, 1, false}};
+    for (Case c : cases) {
+        checkConvolution("conv2d", c, c.weight[0], convReference);
+        Case transposed = c;
+        transposed.x = {c.x[0], c.weight[0], c.x[2] / 2, c.x[3] / 2};
+        checkConvolution("conv_transpose2d", transposed, c.weight[1], transposedReference);
+    }
+}
+
 TEST(Conv, ConvTranspose2d) {
     const Case cases[] = {{{1, 1, 1, 1}, {1, 1, 1, 1}, 1, 0},
                           {{2, 3, 3, 4}, {3, 5, 4, 4}, 2, 1},

@@ -30,6 +30,21 @@ struct MapsParams {
     uint windows, images;
     Divisor byWindows, byFeatures;
 };
+// A convolution 4x4 of stride 2 and padding 1 by tiles (conv/winograd.comp): of the finer image
+// 6x6 pixels, of the coarser one 2x2.
+struct WinogradParams {
+    uint channels, height, width;  // of the image at hand, finer or coarser
+    uint tiles;                    // of one image in this piece
+    uint firstTile;                // the piece's first, counted row by row; even
+    uint images;                   // their tiles follow each other
+    uint startImage;               // elements to the first image
+    uint strideMatrix;             // elements from one of the nine matrices to the next
+    Divisor byPairs;               // tiles of a row, by two
+};
+struct WinogradWeightsParams {
+    uint pairs;         // coarse * fine channels
+    uint strideMatrix;  // 4 pairs
+};
 struct BatchNormParams {
     uint images, channels, pixels;  // x[images, channels, pixels]
     uint threads;                   // partial sums per channel
