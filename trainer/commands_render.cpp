@@ -28,7 +28,8 @@ void runRender(const RenderOptions& options) {
     if (avatar.texture.empty())
         throwInput("{}: it has no texture yet; train stage texture first", options.avatar.string());
     Motion motion = readMotion(options.motion);
-    motion = motion.subset(selectFrames(options.frames, motion.size()));
+    std::vector<size_t> chosen = selectFrames(options.frames, motion.size());
+    motion = motion.subset(chosen);
     Device device({.name = options.common.device});
 
     std::vector<Shot> shots;
@@ -43,8 +44,8 @@ void runRender(const RenderOptions& options) {
                 turned(shot, static_cast<double>(i) / static_cast<double>(motion.size())));
         }
     } else {
-        motion = throughCameras(motion, options.camera);
-        shots = throughOwnCameras(motion);
+        shots = throughOwnCameras(
+            throughCameras(readMotion(options.motion), options.camera).subset(chosen));
     }
     for (Shot& shot : shots) shot.camera = scaled(shot.camera, options.size);
 
@@ -60,11 +61,11 @@ void runRender(const RenderOptions& options) {
         if (!ownCameras || !pictures) {
             background = [&](size_t i) { return plainBackground("#7f7f7f", shots[i].camera); };
         } else {
+            // The plate is of all frames: more of them show what is behind the person.
             capture = readCapture(options.motion);
-            capture = capture->subset(selectFrames(options.frames, capture->size()));
             frames = std::make_unique<FrameCache>(*capture);
             plate = std::make_unique<BackgroundPlate>(*capture, *frames);
-            background = [&](size_t i) { return plate->behind(*frames->load(i)); };
+            background = [&](size_t i) { return plate->behind(*frames->load(chosen[i])); };
         }
     }
     double fps = options.fps > 0 ? options.fps : motion.fps > 0 ? motion.fps : 25;

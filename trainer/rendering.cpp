@@ -69,13 +69,14 @@ std::vector<Shot> throughOwnCameras(const Motion& motion) {
 }
 
 std::vector<float> plainBackground(const std::string& colour, const Camera& camera) {
+    if (colour.size() != 7 || colour[0] != '#' ||
+        colour.find_first_not_of("0123456789abcdefABCDEF", 1) != std::string::npos)
+        throwInput("--background: expected capture or a colour as #rrggbb, found \"{}\"", colour);
     std::array<float, 3> rgb{};
     for (size_t c = 0; c < 3; ++c) {
         int value = 0;
         const char* begin = colour.data() + 1 + 2 * c;
-        if (colour.size() != 7 || std::from_chars(begin, begin + 2, value, 16).ptr != begin + 2)
-            throwInput("--background: expected capture or a colour as #rrggbb, found \"{}\"",
-                       colour);
+        std::from_chars(begin, begin + 2, value, 16);
         rgb[c] = static_cast<float>(value) / 255.0f;
     }
     std::vector<float> picture;
