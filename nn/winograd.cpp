@@ -9,9 +9,24 @@ namespace doppel {
 
 namespace {
 
-constexpr int64_t kMatrices = 9;
 // What a piece holds in tiles: enough to keep a device busy, and a bound for the memory it takes.
-constexpr int64_t kPieceElements = int64_t{1} << 22;
+constexpr int64_t kPieceElements = int64_t{1} << 22, kFewestTiles = 256;
+
+// How a layer is cut into tiles. Stride 2: nine matrices, [4 channels, tiles] of the image and
+// [features, tiles] of the maps, tiles of 2x2 windows. Stride 1: 81 matrices, one row per channel
+// or feature, tiles of 4x4 windows.
+struct Tiling {
+    explicit Tiling(const Windows& w) : strided(w.stride == 2) {
+        int64_t side = strided ? 2 : 4;
+        across = (w.outWidth + side - 1) / side;
+        tiles = across * ((w.outHeight + side - 1) / side);
+        matrices = strided ? 9 : 81;
+        channelRows = strided ? 4 * w.channels : w.channels;
+    }
+    bool strided;
+    int64_t across, tiles;  // in a row, in an image
+    int64_t matrices, channelRows;
+};
 
 // Some tiles of one image, or all tiles of some images.
 struct Piece {
@@ -19,176 +34,214 @@ struct Piece {
     int64_t count() const { return images * tiles; }
 };
 
-int64_t tilesOf(const Windows& w) { return w.windows() / 4; }
-
 std::vector<Piece> pieces(const Windows& w, bool wholeImages) {
     constexpr int64_t kMultiple = 32;  // tiles; of a panel's width
-    int64_t tiles = tilesOf(w), perTile = kMatrices * (4 * w.channels + w.features);
-    int64_t fit = std::max(kPieceElements / perTile / kMultiple, int64_t{4}) * kMultiple;
+    Tiling tiling(w);
+    int64_t perTile = tiling.matrices * (tiling.channelRows + w.features);
+    int64_t fit = std::max(kPieceElements / perTile / kMultiple * kMultiple, kFewestTiles);
     std::vector<Piece> result;
-    int64_t images = std::clamp<int64_t>(fit / tiles, 1, w.images);
+    int64_t images = std::clamp<int64_t>(fit / tiling.tiles, 1, w.images);
     for (int64_t n = 0; n < w.images; n += images) {
         int64_t together = std::min(images, w.images - n);
-        int64_t part = together > 1 || wholeImages ? tiles : std::min(tiles, fit);
-        for (int64_t first = 0; first < tiles; first += part)
-            result.push_back({n, together, first, std::min(part, tiles - first)});
+        int64_t part = together > 1 || wholeImages ? tiling.tiles : std::min(tiling.tiles, fit);
+        for (int64_t first = 0; first < tiling.tiles; first += part)
+            result.push_back({n, together, first, std::min(part, tiling.tiles - first)});
     }
     return result;
 }
 
 enum class Layout : uint32_t { Rows, TilePanels, RowPanels };
+enum class Side { Image, Maps };
 
-struct TileKernel {
-    const char* name;
-    bool finer;  // of the two images
-    bool toTiles = false;
-    Layout layout = Layout::Rows;
-};
+int64_t rowsOf(const Windows& w, Side side) {
+    return side == Side::Image ? Tiling(w).channelRows : w.features;
+}
 
-int64_t rowsOf(const Windows& w, bool finer) { return finer ? 4 * w.channels : w.features; }
-
-// Elements of one of the nine matrices.
-int64_t matrixElements(const Device& device, const Windows& w, const Piece& piece, bool finer,
+// Elements of one matrix.
+int64_t matrixElements(const Device& device, const Windows& w, const Piece& piece, Side side,
                        Layout layout) {
-    int64_t rows = rowsOf(w, finer), across = piece.count(), along = rows;
+    int64_t rows = rowsOf(w, side), across = piece.count(), along = rows;
     if (layout == Layout::Rows) return rows * across;
     if (layout == Layout::RowPanels) std::swap(across, along);
     int64_t width = gemmPanelWidth(device, across);
     return (across + width - 1) / width * width * along;
 }
 
-void dispatchTiles(Graph& graph, const TileKernel& kernel, const Windows& w, const Piece& piece,
-                   const Tensor& image, const Tensor& matrices, const Tensor& bias = {}) {
-    int64_t channels = kernel.finer ? w.channels : w.features;
-    int64_t height = kernel.finer ? w.height : w.outHeight;
-    int64_t width = kernel.finer ? w.width : w.outWidth;
-    WinogradParams params{
-        .channels = u32(channels),
-        .height = u32(height),
-        .width = u32(width),
-        .tiles = u32(piece.tiles),
-        .firstTile = u32(piece.firstTile),
-        .images = u32(piece.images),
-        .startImage = u32(piece.firstImage * channels * height * width),
-        .strideMatrix = u32(matrixElements(graph.device(), w, piece, kernel.finer, kernel.layout)),
-        .byPairs = divisorOf(uint64_t(w.outWidth / 4))};
+// Parameters, workgroups and constants of the kernels between an image or maps and matrices.
+struct TileDispatch {
+    WinogradParams params;
     Specialisation spec;
-    Groups groups = planes(piece.tiles / 2, channels, piece.images, spec);
-    int64_t rows = rowsOf(w, kernel.finer);
-    spec["kLayout"] = static_cast<uint32_t>(kernel.layout);
-    spec["kWidth"] = u32(
-        gemmPanelWidth(graph.device(), kernel.layout == Layout::RowPanels ? rows : piece.count()));
-    spec["kBias"] = bias ? 1 : 0;
-    if (kernel.toTiles)
-        graph.dispatchGroups(kernel.name, {{"image", image}, {"matrices", matrices}}, params,
-                             groups, spec);
-    else
-        graph.dispatchGroups(
-            kernel.name,
-            {{"matrices", matrices}, {"result", image}, {"bias", bias ? bias : graph.none()}},
-            params, groups, spec);
+    Groups groups;
+};
+TileDispatch tileDispatch(const Device& device, const Windows& w, const Piece& piece, Side side,
+                          Layout layout) {
+    Tiling tiling(w);
+    bool image = side == Side::Image;
+    int64_t channels = image ? w.channels : w.features;
+    int64_t height = image ? w.height : w.outHeight, width = image ? w.width : w.outWidth;
+    TileDispatch d;
+    d.params = {.channels = u32(channels),
+                .height = u32(height),
+                .width = u32(width),
+                .tiles = u32(piece.tiles),
+                .firstTile = u32(piece.firstTile),
+                .images = u32(piece.images),
+                .startImage = u32(piece.firstImage * channels * height * width),
+                .strideMatrix = u32(matrixElements(device, w, piece, side, layout)),
+                .padding = u32(w.padding),
+                .byRow = divisorOf(uint64_t(tiling.strided ? tiling.across / 2 : tiling.across))};
+    int64_t invocations = tiling.strided ? piece.tiles / 2 : piece.tiles;
+    d.groups = planes(invocations, channels, piece.images, d.spec);
+    int64_t across = layout == Layout::RowPanels ? rowsOf(w, side) : piece.count();
+    d.spec["kLayout"] = static_cast<uint32_t>(layout);
+    d.spec["kWidth"] = u32(gemmPanelWidth(device, across));
+    return d;
 }
 
-// Matrices of one image for a product.
-Tensor toTiles(Graph& graph, bool finer, Layout layout, const Windows& w, const Piece& piece,
+Tensor toTiles(Graph& graph, Side side, Layout layout, const Windows& w, const Piece& piece,
                const Tensor& image) {
-    Tensor matrices =
-        graph.temporary({kMatrices, matrixElements(graph.device(), w, piece, finer, layout)});
-    const char* name = finer ? "conv/winograd.fine_to_tiles" : "conv/winograd.coarse_to_tiles";
-    dispatchTiles(graph, {name, finer, true, layout}, w, piece, image, matrices);
+    TileDispatch d = tileDispatch(graph.device(), w, piece, side, layout);
+    Tensor matrices = graph.temporary({Tiling(w).matrices, d.params.strideMatrix});
+    const char* kernel = side == Side::Image ? w.stride == 2 ? "conv/winograd.fine_to_tiles"
+                                                             : "conv/winograd_dense.image_to_tiles"
+                         : w.stride == 2     ? "conv/winograd.coarse_to_tiles"
+                                             : "conv/winograd_dense.results_to_tiles";
+    graph.dispatchGroups(kernel, {{"image", image}, {"matrices", matrices}}, d.params, d.groups,
+                         d.spec);
     return matrices;
 }
 
-WinogradWeightsParams weightsParams(const Windows& w) {
-    return {.pairs = u32(w.features * w.channels),
-            .strideMatrix = u32(4 * w.features * w.channels)};
+void fromTiles(Graph& graph, Side side, const Windows& w, const Piece& piece,
+               const Tensor& matrices, const Tensor& bias, const Tensor& image) {
+    TileDispatch d = tileDispatch(graph.device(), w, piece, side, Layout::Rows);
+    d.spec["kBias"] = bias ? 1 : 0;
+    const char* kernel = side == Side::Image ? "conv/winograd.fine_from_tiles"
+                         : w.stride == 2     ? "conv/winograd.coarse_from_tiles"
+                                             : "conv/winograd_dense.results_from_tiles";
+    graph.dispatchGroups(
+        kernel, {{"matrices", matrices}, {"result", image}, {"bias", bias ? bias : graph.none()}},
+        d.params, d.groups, d.spec);
 }
 
-Tensor weightsToTiles(Graph& graph, const Windows& w, const Tensor& weight) {
-    Tensor matrices = graph.temporary({kMatrices, w.features, 4 * w.channels});
-    WinogradWeightsParams params = weightsParams(w);
-    graph.dispatch("conv/winograd_weights.to_tiles", {{"weight", weight}, {"matrices", matrices}},
-                   params, params.pairs);
+// weight [features, channels, 4, 4] and matrices [features, channelRows], or, turned, [channels,
+// features].
+struct WeightDispatch {
+    const char* toTiles;
+    const char* fromTiles;
+    WinogradWeightsParams params;
+};
+WeightDispatch weightDispatch(const Windows& w) {
+    int64_t pairs = w.features * w.channels;
+    bool strided = w.stride == 2;
+    return {strided ? "conv/winograd_weights.to_tiles" : "conv/winograd_dense_weights.to_tiles",
+            strided ? "conv/winograd_weights.from_tiles" : "conv/winograd_dense_weights.from_tiles",
+            {.pairs = u32(pairs),
+             .strideMatrix = u32(w.features * Tiling(w).channelRows),
+             .channels = u32(w.channels),
+             .byFeatures = divisorOf(uint64_t(w.features))}};
+}
+
+Tensor weightsToTiles(Graph& graph, const Windows& w, const Tensor& weight, bool turned = false) {
+    Tiling tiling(w);
+    WeightDispatch d = weightDispatch(w);
+    Tensor matrices = graph.temporary({tiling.matrices, w.features, tiling.channelRows});
+    Specialisation spec;
+    if (!tiling.strided) spec["kTurned"] = turned;
+    graph.dispatch(d.toTiles, {{"weight", weight}, {"matrices", matrices}}, d.params,
+                   d.params.pairs, spec);
     return matrices;
+}
+
+// maps = weights columns(image) (+ bias), the weights as matrices.
+void gather(Graph& graph, const Windows& w, const Tensor& image, const Tensor& weights,
+            const Tensor& bias, const Tensor& maps) {
+    Tiling tiling(w);
+    for (const Piece& piece : pieces(w, false)) {
+        int64_t tiles = piece.count();
+        Tensor seen = toTiles(graph, Side::Image, Layout::TilePanels, w, piece, image);
+        Tensor products = graph.temporary({tiling.matrices, w.features, tiles});
+        gemm(graph, weights, seen, products,
+             {.m = w.features,
+              .n = tiles,
+              .k = tiling.channelRows,
+              .panelsB = true,
+              .batch = tiling.matrices,
+              .strideA = w.features * tiling.channelRows,
+              .strideB = seen.dim(1),
+              .strideC = w.features * tiles});
+        fromTiles(graph, Side::Maps, w, piece, products, bias, maps);
+    }
 }
 
 }  // namespace
 
 bool winogradPays(const Windows& w) {
-    return w.kernelH == 4 && w.kernelW == 4 && w.stride == 2 && w.padding == 1 &&
-           w.height % 4 == 0 && w.width % 8 == 0 && w.channels >= 16 && w.features >= 16 &&
-           w.images * tilesOf(w) >= 64;
+    if (w.kernelH != 4 || w.kernelW != 4 || w.channels < 16 || w.features < 16) return false;
+    bool strided = w.stride == 2 && w.padding == 1 && w.height % 4 == 0 && w.width % 8 == 0;
+    bool dense = w.stride == 1 && w.padding <= 3;
+    return (strided || dense) && w.images * Tiling(w).tiles >= 64;
 }
 
 void winogradGather(Graph& graph, const Windows& w, const Tensor& image, const Tensor& weight,
                     const Tensor& bias, const Tensor& maps) {
-    Tensor weights = weightsToTiles(graph, w, weight);
-    int64_t rows = 4 * w.channels;
-    for (const Piece& piece : pieces(w, false)) {
-        int64_t tiles = piece.count();
-        Tensor seen = toTiles(graph, true, Layout::TilePanels, w, piece, image);
-        Tensor products = graph.temporary({kMatrices, w.features, tiles});
-        gemm(graph, weights, seen, products,
-             {.m = w.features,
-              .n = tiles,
-              .k = rows,
-              .panelsB = true,
-              .batch = kMatrices,
-              .strideA = w.features * rows,
-              .strideB = seen.dim(1),
-              .strideC = w.features * tiles});
-        dispatchTiles(graph, {"conv/winograd.coarse_from_tiles", false}, w, piece, maps, products,
-                      bias);
-    }
+    gather(graph, w, image, weightsToTiles(graph, w, weight), bias, maps);
 }
 
 void winogradSum(Graph& graph, const Windows& w, const Tensor& maps, const Tensor& weight,
                  const Tensor& bias, const Tensor& image) {
+    if (w.stride == 1) {  // a convolution of the maps, with the kernels turned
+        Windows turned = w;
+        std::swap(turned.channels, turned.features);
+        std::swap(turned.height, turned.outHeight);
+        std::swap(turned.width, turned.outWidth);
+        turned.padding = 3 - w.padding;
+        gather(graph, turned, maps, weightsToTiles(graph, w, weight, true), bias, image);
+        return;
+    }
+    Tiling tiling(w);
     Tensor weights = weightsToTiles(graph, w, weight);
-    int64_t rows = 4 * w.channels;
     for (const Piece& piece : pieces(w, true)) {
         int64_t tiles = piece.count();
-        Tensor given = toTiles(graph, false, Layout::TilePanels, w, piece, maps);
-        Tensor products = graph.temporary({kMatrices, rows, tiles});
+        Tensor given = toTiles(graph, Side::Maps, Layout::TilePanels, w, piece, maps);
+        Tensor products = graph.temporary({tiling.matrices, tiling.channelRows, tiles});
         gemm(graph, weights, given, products,
-             {.m = rows,
+             {.m = tiling.channelRows,
               .n = tiles,
               .k = w.features,
               .transA = true,
               .panelsB = true,
-              .batch = kMatrices,
-              .strideA = w.features * rows,
+              .batch = tiling.matrices,
+              .strideA = w.features * tiling.channelRows,
               .strideB = given.dim(1),
-              .strideC = rows * tiles});
-        dispatchTiles(graph, {"conv/winograd.fine_from_tiles", true}, w, piece, image, products,
-                      bias);
+              .strideC = tiling.channelRows * tiles});
+        fromTiles(graph, Side::Image, w, piece, products, bias, image);
     }
 }
 
 void winogradWeights(Graph& graph, const Windows& w, const Tensor& image, const Tensor& maps,
                      const Tensor& dweight) {
-    int64_t rows = 4 * w.channels;
-    Tensor sums = graph.temporary({kMatrices, w.features, rows});
+    Tiling tiling(w);
+    Tensor sums = graph.temporary({tiling.matrices, w.features, tiling.channelRows});
     bool first = true;
     for (const Piece& piece : pieces(w, false)) {
         int64_t tiles = piece.count();
-        Tensor given = toTiles(graph, false, Layout::Rows, w, piece, maps);
-        Tensor seen = toTiles(graph, true, Layout::RowPanels, w, piece, image);
+        Tensor given = toTiles(graph, Side::Maps, Layout::Rows, w, piece, maps);
+        Tensor seen = toTiles(graph, Side::Image, Layout::RowPanels, w, piece, image);
         gemm(graph, given, seen, sums,
              {.m = w.features,
-              .n = rows,
+              .n = tiling.channelRows,
               .k = tiles,
               .panelsB = true,
               .accumulate = !first,
-              .batch = kMatrices,
+              .batch = tiling.matrices,
               .strideA = w.features * tiles,
               .strideB = seen.dim(1),
-              .strideC = w.features * rows});
+              .strideC = w.features * tiling.channelRows});
         first = false;
     }
-    WinogradWeightsParams params = weightsParams(w);
-    graph.dispatch("conv/winograd_weights.from_tiles", {{"weight", dweight}, {"matrices", sums}},
-                   params, params.pairs);
+    WeightDispatch d = weightDispatch(w);
+    graph.dispatch(d.fromTiles, {{"weight", dweight}, {"matrices", sums}}, d.params,
+                   d.params.pairs);
 }
 
 }  // namespace doppel

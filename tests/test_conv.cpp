@@ -71,6 +71,7 @@ struct Case {
     Shape x, weight;
     int stride, padding;
     bool bias = true;
+    int samples = 8;
 };
 
 void checkConvolution(const char* op, const Case& c, int64_t features,
@@ -80,7 +81,7 @@ void checkConvolution(const char* op, const Case& c, int64_t features,
     OpCase opCase{.inputs = {{"x", random(c.x, 1)}, {"weight", random(c.weight, 2)}},
                   .attributes = {{"stride", c.stride}, {"padding", c.padding}},
                   .reference = reference,
-                  .samples = 8};
+                  .samples = c.samples};
     if (c.bias) opCase.inputs["bias"] = random({features}, 3);
     checkOp(op, opCase);
 }
@@ -117,11 +118,15 @@ TEST(Conv, Conv2d) {
 // that are not.
 TEST(Conv, Winograd) {
     const Case cases[] = {{{1, 16, 32, 32}, {17, 16, 4, 4}, 2, 1},
-                          {{3, 17, 12, 40}, {16, 17, 4, 4}, 2, 1, false}};
+                          {{3, 17, 12, 40}, {16, 17, 4, 4}, 2, 1, false},
+                          {{1, 17, 31, 34}, {16, 17, 4, 4}, 1, 1},
+                          {{5, 16, 15, 15}, {18, 16, 4, 4}, 1, 3, false}};
     for (Case c : cases) {
+        c.samples = 3;
         checkConvolution("conv2d", c, c.weight[0], convReference);
         Case transposed = c;
-        transposed.x = {c.x[0], c.weight[0], c.x[2] / 2, c.x[3] / 2};
+        auto out = [&](int64_t size) { return (size + 2 * c.padding - 4) / c.stride + 1; };
+        transposed.x = {c.x[0], c.weight[0], out(c.x[2]), out(c.x[3])};
         checkConvolution("conv_transpose2d", transposed, c.weight[1], transposedReference);
     }
 }

@@ -30,20 +30,23 @@ struct MapsParams {
     uint windows, images;
     Divisor byWindows, byFeatures;
 };
-// A convolution 4x4 of stride 2 and padding 1 by tiles (conv/winograd.comp): of the finer image
-// 6x6 pixels, of the coarser one 2x2.
+// A convolution 4x4 by tiles: of stride 2 and padding 1 (conv/winograd.comp), where a tile has 6x6
+// pixels of the finer image and 2x2 of the coarser one; or of stride 1 (conv/winograd_dense.comp).
 struct WinogradParams {
-    uint channels, height, width;  // of the image at hand, finer or coarser
+    uint channels, height, width;  // of the image at hand
     uint tiles;                    // of one image in this piece
-    uint firstTile;                // the piece's first, counted row by row; even
+    uint firstTile;                // the piece's first, counted row by row; even for stride 2
     uint images;                   // their tiles follow each other
     uint startImage;               // elements to the first image
-    uint strideMatrix;             // elements from one of the nine matrices to the next
-    Divisor byPairs;               // tiles of a row, by two
+    uint strideMatrix;             // elements from one matrix to the next
+    uint padding;                  // stride 1
+    Divisor byRow;                 // stride 1: tiles of a row; stride 2: pairs of them
 };
 struct WinogradWeightsParams {
-    uint pairs;         // coarse * fine channels
-    uint strideMatrix;  // 4 pairs
+    uint pairs;             // of channels, coarse and fine, or features and channels
+    uint strideMatrix;      // elements from one matrix to the next
+    uint channels;          // stride 1
+    Divisor byFeatures;     // stride 1
 };
 struct BatchNormParams {
     uint images, channels, pixels;  // x[images, channels, pixels]

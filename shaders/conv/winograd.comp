@@ -23,8 +23,8 @@ uint pairInPiece() { return gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvo
 uint channel() { return gl_WorkGroupID.y; }
 // Tile row and pair within it.
 uvec2 tilePair(uint pair) {
-    uint at = params.firstTile / 2 + pair, row = quotient(at, params.byPairs);
-    return uvec2(remainder(at, row, params.byPairs), row);
+    uint at = params.firstTile / 2 + pair, row = quotient(at, params.byRow);
+    return uvec2(remainder(at, row, params.byRow), row);
 }
 uint plane() {
     return params.startImage +
@@ -137,7 +137,7 @@ ENTRY(coarse_from_tiles) {
 // they are the pair's first, third, …, and the tile to the left reaches into the first; for px = 0
 // the second, fourth, …, and the tile to the right into the last.
 vec4 along(uint row, uint my, uint px, uint x, uint y) {
-    uint pairs = params.byPairs.divisor, tilesDown = params.height / 4;
+    uint pairs = params.byRow.divisor, tilesDown = params.height / 4;
     if (y >= tilesDown) return vec4(0);
     uint first = gl_WorkGroupID.z * params.tiles + 2 * (y * pairs + x);
     uint rows = 4 * params.channels;

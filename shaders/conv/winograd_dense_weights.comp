@@ -1,0 +1,69 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
+#include "common/op.glsl"
+#include "conv/params.h"
+// The weights of conv/winograd_dense.comp.
+PARAMS(WinogradWeightsParams, 2)
+BUFFER(0, readwrite, float, weight);    // [features, channels, 4, 4]
+BUFFER(1, readwrite, float, matrices);  // 81 [features, channels]; kTurned: [channels, features]
+
+// For the gradient of the image: the kernels turned by half a turn, features and channels swapped.
+layout(constant_id = 1) const bool kTurned = false;
+
+void nineOf(float w[4], out float u[9]) {
+    vec2 g[3] = vec2[3](vec2(w[0], w[2]), vec2(w[0] + w[1], w[2] + w[3]), vec2(w[1], w[3]));
+    [[unroll]] for (uint k = 0; k < 3; ++k) {
+        u[3 * k] = g[k].x;
+        u[3 * k + 1] = g[k].x + g[k].y;
+        u[3 * k + 2] = g[k].y;
+    }
+}
+
+vec4 fourOf(float s[9]) {
+    vec2 a = vec2(s[0] + s[1], s[1] + s[2]), b = vec2(s[3] + s[4], s[4] + s[5]);
+    vec2 c = vec2(s[6] + s[7], s[7] + s[8]);
+    return vec4(a.x + b.x, b.x + c.x, a.y + b.y, b.y + c.y);
+}
+
+// One invocation per feature and channel, neighbours in the matrices.
+ENTRY(to_tiles) {
+    uint i = linearIndex();
+    if (i >= params.pairs) return;
+    uint from = i;
+    if (kTurned) {
+        uint channel = quotient(i, params.byFeatures);
+        from = remainder(i, channel, params.byFeatures) * params.channels + channel;
+    }
+    float across[4][9];
+    [[unroll]] for (uint r = 0; r < 4; ++r) {
+        float w[4];
+        [[unroll]] for (uint k = 0; k < 4; ++k)
+            w[k] = weight.d[16 * from + (kTurned ? 15 - (4 * r + k) : 4 * r + k)];
+        nineOf(w, across[r]);
+    }
+    [[unroll]] for (uint mx = 0; mx < 9; ++mx) {
+        float u[9];
+        nineOf(float[4](across[0][mx], across[1][mx], across[2][mx], across[3][mx]), u);
+        [[unroll]] for (uint my = 0; my < 9; ++my)
+            matrices.d[(9 * my + mx) * params.strideMatrix + i] = u[my];
+    }
+}
+
+ENTRY(from_tiles) {
+    uint i = linearIndex();
+    if (i >= params.pairs) return;
+    vec4 down[9];
+    [[unroll]] for (uint mx = 0; mx < 9; ++mx) {
+        float s[9];
+        [[unroll]] for (uint my = 0; my < 9; ++my)
+            s[my] = matrices.d[(9 * my + mx) * params.strideMatrix + i];
+        down[mx] = fourOf(s);
+    }
+    [[unroll]] for (uint r = 0; r < 4; ++r) {
+        float s[9];
+        [[unroll]] for (uint mx = 0; mx < 9; ++mx) s[mx] = down[mx][r];
+        vec4 w = fourOf(s);
+        [[unroll]] for (uint k = 0; k < 4; ++k) weight.d[16 * i + 4 * r + k] = w[k];
+    }
+}
