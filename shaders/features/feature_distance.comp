@@ -1,0 +1,30 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "common/op.glsl"
+#include "features/params.h"
+// Zhang et al., The Unreasonable Effectiveness of Deep Features as a Perceptual Metric (CVPR 2018),
+// equation 1, before the mean over the pixels.
+PARAMS(FeatureDistanceParams, 4)
+BUFFER(0, readonly, float, a);       // [N, channels, pixels]
+BUFFER(1, readonly, float, b);       // [N, channels, pixels]
+BUFFER(2, readonly, float, weight);  // [channels]
+BUFFER(3, writeonly, float, y);      // [N, pixels]
+
+ENTRY(forward) {
+    uint i = linearIndex();
+    if (i >= params.n) return;
+    uint first = i / params.pixels * params.channels * params.pixels + i % params.pixels;
+    float aa = 0, bb = 0;
+    for (uint c = 0; c < params.channels; ++c) {
+        float u = a.d[first + c * params.pixels], v = b.d[first + c * params.pixels];
+        aa += u * u;
+        bb += v * v;
+    }
+    float scaleA = 1 / (sqrt(aa) + 1e-10), scaleB = 1 / (sqrt(bb) + 1e-10);
+    float sum = 0;
+    for (uint c = 0; c < params.channels; ++c) {
+        float d = a.d[first + c * params.pixels] * scaleA - b.d[first + c * params.pixels] * scaleB;
+        sum += weight.d[c] * d * d;
+    }
+    y.d[i] = sum;
+}
