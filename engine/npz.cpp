@@ -14,6 +14,7 @@
 
 #include "engine/atomic_file.h"
 #include "engine/error.h"
+#include "engine/zip.h"
 
 static_assert(std::endian::native == std::endian::little, "arrays are kept little-endian");
 
@@ -497,271 +498,7 @@ std::string makeNpyHeader(const Array& array, std::vector<uint8_t>& data) {
 
 // ---- zip ----------------------------------------------------------------------------------------
 
-constexpr uint32_t kLocalSignature = 0x04034b50, kCentralSignature = 0x02014b50;
-constexpr uint32_t kEndSignature = 0x06054b50;
-constexpr uint32_t kEnd64Signature = 0x06064b50, kEnd64LocatorSignature = 0x07064b50;
-constexpr size_t kLocalSize = 30, kCentralSize = 46, kEndSize = 22, kEnd64Size = 56,
-                 kEnd64LocatorSize = 20;
-constexpr uint32_t kMax32 = 0xFFFFFFFF;
-
-struct ZipEntry {
-    std::string name;
-    uint16_t flags = 0, method = 0;
-    uint32_t crc = 0;
-    uint64_t packed = 0, size = 0, offset = 0;
-    uint64_t begin = 0;  // of the data
-};
-
-class ZipReader {
-public:
-    ZipReader(std::span<const uint8_t> file, const std::string& name, const NpzLimits& limits)
-        : file_(file), name_(name), limits_(limits) {}
-
-    std::vector<ZipEntry> entries() {
-        const size_t end = findEnd();
-        uint64_t count = read<uint16_t>(end + 10);
-        uint64_t directorySize = read<uint32_t>(end + 12);
-        uint64_t directory = read<uint32_t>(end + 16);
-        uint64_t limit = end;  // the directory ends before this
-        if (count == 0xFFFF || directorySize == kMax32 || directory == kMax32) {
-            if (end >= kEnd64LocatorSize &&
-                read<uint32_t>(end - kEnd64LocatorSize) == kEnd64LocatorSignature) {
-                const uint64_t end64 = read<uint64_t>(end - kEnd64LocatorSize + 8);
-                if (end64 > end - kEnd64LocatorSize ||
-                    end - kEnd64LocatorSize - end64 < kEnd64Size ||
-                    read<uint32_t>(end64) != kEnd64Signature) {
-                    damaged("its zip64 end record is missing");
-                }
-                count = read<uint64_t>(end64 + 32);
-                directorySize = read<uint64_t>(end64 + 40);
-                directory = read<uint64_t>(end64 + 48);
-                limit = end64;
-            }
-        }
-        if (directory > limit || directorySize > limit - directory) {
-            damaged("its directory lies outside the file");
-        }
-        if (count > limits_.maxArrays || count > directorySize / kCentralSize) {
-            throwInput("{}: claims {} arrays; expected at most {}", name_, count,
-                       std::min<uint64_t>(limits_.maxArrays, directorySize / kCentralSize));
-        }
-        std::vector<ZipEntry> result;
-        uint64_t at = directory;
-        const uint64_t directoryEnd = directory + directorySize;
-        for (uint64_t i = 0; i < count; ++i) result.push_back(entry(at, directoryEnd));
-        checkOverlap(result, directory);
-        checkTotals(result);
-        return result;
-    }
-
-    std::vector<uint8_t> unpack(const ZipEntry& entry, const std::string& where) const {
-        const std::span<const uint8_t> packed = file_.subspan(entry.begin, entry.packed);
-        std::vector<uint8_t> bytes;
-        if (entry.method == 0) {
-            bytes.assign(packed.begin(), packed.end());
-        } else {
-            bytes = inflateAll(packed, entry.size, where);
-        }
-        uLong crc = crc32_z(0, bytes.data(), bytes.size());
-        if (bytes.empty()) crc = 0;
-        if (crc != entry.crc) {
-            throwInput("{}: its CRC is {:08x}, expected {:08x}: the file is damaged", where, crc,
-                       entry.crc);
-        }
-        return bytes;
-    }
-
-private:
-    [[noreturn]] void damaged(const char* how) const {
-        throwInput("{}: not a whole npz (zip) file: {}; it may be cut short", name_, how);
-    }
-
-    template <typename T>
-    T read(uint64_t at) const {
-        if (at > file_.size() || file_.size() - at < sizeof(T)) damaged("a record is cut off");
-        return loadAt<T>(file_.data() + at, 0);
-    }
-
-    size_t findEnd() const {
-        if (file_.size() < 4 ||
-            (read<uint32_t>(0) != kLocalSignature && read<uint32_t>(0) != kEndSignature)) {
-            throwInput("{}: expected an npz (zip) file, found other content", name_);
-        }
-        // The record is followed by a comment of at most 65535 bytes.
-        if (file_.size() < kEndSize) damaged("its end is missing");
-        const size_t last = file_.size() - kEndSize;
-        const size_t first = last > 65535 ? last - 65535 : 0;
-        for (size_t at = last + 1; at-- > first;) {
-            if (read<uint32_t>(at) == kEndSignature &&
-                at + kEndSize + read<uint16_t>(at + 20) == file_.size()) {
-                if (read<uint16_t>(at + 4) != 0 ||
-                    read<uint16_t>(at + 8) != read<uint16_t>(at + 10)) {
-                    damaged("it is split over several files");
-                }
-                return at;
-            }
-        }
-        damaged("its end is missing");
-    }
-
-    ZipEntry entry(uint64_t& at, uint64_t end) const {
-        if (end - at < kCentralSize || read<uint32_t>(at) != kCentralSignature) {
-            damaged("its directory is broken");
-        }
-        ZipEntry entry;
-        entry.flags = read<uint16_t>(at + 8);
-        entry.method = read<uint16_t>(at + 10);
-        entry.crc = read<uint32_t>(at + 16);
-        entry.packed = read<uint32_t>(at + 20);
-        entry.size = read<uint32_t>(at + 24);
-        const uint64_t nameSize = read<uint16_t>(at + 28);
-        const uint64_t extraSize = read<uint16_t>(at + 30);
-        const uint64_t commentSize = read<uint16_t>(at + 32);
-        entry.offset = read<uint32_t>(at + 42);
-        at += kCentralSize;
-        if (end - at < nameSize + extraSize + commentSize) damaged("its directory is broken");
-        entry.name.assign(reinterpret_cast<const char*>(file_.data()) + at, nameSize);
-        zip64(file_.subspan(at + nameSize, extraSize), entry);
-        at += nameSize + extraSize + commentSize;
-
-        if (entry.flags & 1) throwInput("{}: {} is encrypted", name_, printable(entry.name));
-        if (entry.method != 0 && entry.method != 8) {
-            throwInput("{}: {} is packed with method {}; expected stored or deflated", name_,
-                       printable(entry.name), entry.method);
-        }
-        if (entry.offset > file_.size() || file_.size() - entry.offset < kLocalSize ||
-            read<uint32_t>(entry.offset) != kLocalSignature) {
-            damaged("an array's own header is missing");
-        }
-        entry.begin = entry.offset + kLocalSize + read<uint16_t>(entry.offset + 26) +
-                      read<uint16_t>(entry.offset + 28);
-        if (entry.begin > file_.size() || entry.packed > file_.size() - entry.begin) {
-            throwInput("{}: {} is cut short", name_, printable(entry.name));
-        }
-        if (entry.method == 0 && entry.packed != entry.size) {
-            throwInput("{}: {} is stored in {} bytes but claims {}", name_, printable(entry.name),
-                       entry.packed, entry.size);
-        }
-        return entry;
-    }
-
-    // Sizes of 4 GiB and more stand in an extra field, in this order, only those that do not fit.
-    void zip64(std::span<const uint8_t> extra, ZipEntry& entry) const {
-        while (extra.size() >= 4) {
-            const uint16_t id = loadAt<uint16_t>(extra.data(), 0);
-            const size_t size = loadAt<uint16_t>(extra.data(), 1);
-            if (size > extra.size() - 4) damaged("its directory is broken");
-            if (id == 1) {
-                std::span<const uint8_t> field = extra.subspan(4, size);
-                for (uint64_t* value : {&entry.size, &entry.packed, &entry.offset}) {
-                    if (*value != kMax32) continue;
-                    if (field.size() < 8) damaged("its directory is broken");
-                    *value = loadAt<uint64_t>(field.data(), 0);
-                    field = field.subspan(8);
-                }
-            }
-            extra = extra.subspan(4 + size);
-        }
-    }
-
-    // Entries that share bytes are how a small file claims to hold a huge one.
-    void checkOverlap(const std::vector<ZipEntry>& entries, uint64_t directory) const {
-        std::vector<std::pair<uint64_t, uint64_t>> ranges;
-        for (const ZipEntry& each : entries) {
-            ranges.emplace_back(each.offset, each.begin + each.packed);
-        }
-        std::sort(ranges.begin(), ranges.end());
-        for (size_t i = 0; i < ranges.size(); ++i) {
-            const uint64_t next = i + 1 < ranges.size() ? ranges[i + 1].first : directory;
-            if (ranges[i].second > next) {
-                throwInput("{}: its arrays overlap inside the file; it is damaged or hostile",
-                           name_);
-            }
-        }
-    }
-
-    void checkTotals(const std::vector<ZipEntry>& entries) const {
-        uint64_t total = 0, blownUp = 0;
-        for (const ZipEntry& each : entries) {
-            // Deflate never does better than 1032 to 1.
-            if (each.size / 1040 > each.packed + 1 || each.size > limits_.maxTotal ||
-                (total += each.size) > limits_.maxTotal) {
-                throwInput("{}: {} claims {} bytes unpacked; expected at most {} in all", name_,
-                           printable(each.name), each.size, limits_.maxTotal);
-            }
-            if (each.size / 100 > each.packed && (blownUp += each.size) > limits_.maxInflated) {
-                throwInput("{}: {} unpacks from {} to {} bytes: refused as a zip bomb", name_,
-                           printable(each.name), each.packed, each.size);
-            }
-        }
-    }
-
-    std::vector<uint8_t> inflateAll(std::span<const uint8_t> packed, uint64_t size,
-                                    const std::string& where) const {
-        z_stream stream{};
-        if (inflateInit2(&stream, -MAX_WBITS) != Z_OK) throwMachine("zlib: no memory");
-        struct Ender {
-            z_stream* stream;
-            ~Ender() { inflateEnd(stream); }
-        } ender{&stream};
-        std::vector<uint8_t> bytes;
-        size_t consumed = 0;
-        constexpr size_t kStep = size_t{16} << 20;
-        int status = Z_OK;
-        uint8_t beyond = 0;
-        while (status != Z_STREAM_END) {
-            if (stream.avail_in == 0 && consumed < packed.size()) {
-                const size_t step = std::min(kStep, packed.size() - consumed);
-                stream.next_in = const_cast<Bytef*>(packed.data() + consumed);
-                stream.avail_in = static_cast<uInt>(step);
-                consumed += step;
-            }
-            // Memory grows with what really arrives, never beyond the claimed size.
-            const size_t have = bytes.size();
-            const size_t room = static_cast<size_t>(std::min<uint64_t>(kStep, size - have));
-            if (room > 0) {
-                bytes.resize(have + room);
-                stream.next_out = bytes.data() + have;
-                stream.avail_out = static_cast<uInt>(room);
-            } else {
-                stream.next_out = &beyond;
-                stream.avail_out = 1;
-            }
-            const uInt offered = stream.avail_out;
-            const uInt input = stream.avail_in;
-            status = inflate(&stream, Z_NO_FLUSH);
-            const uInt made = offered - stream.avail_out;
-            if (room > 0) bytes.resize(have + made);
-            if (room == 0 && made > 0) {
-                throwInput("{}: unpacks to more than the {} bytes that it claims", where, size);
-            }
-            if (status == Z_MEM_ERROR) throwMachine("{}: zlib: no memory", where);
-            if ((status != Z_OK && status != Z_STREAM_END && status != Z_BUF_ERROR) ||
-                (made == 0 && input == stream.avail_in && status != Z_STREAM_END)) {
-                throwInput("{}: its packed bytes are damaged or cut short", where);
-            }
-        }
-        if (bytes.size() != size || stream.avail_in != 0 || consumed != packed.size()) {
-            throwInput("{}: unpacks to {} bytes, expected {}", where, bytes.size(), size);
-        }
-        return bytes;
-    }
-
-public:
-    // Names come from the file: nothing in them may reach a terminal raw.
-    static std::string printable(std::string_view name) {
-        std::string text;
-        for (const char c : name.substr(0, 100)) {
-            text += (static_cast<unsigned char>(c) < 32 || c == 127) ? '?' : c;
-        }
-        return text;
-    }
-
-private:
-    std::span<const uint8_t> file_;
-    const std::string& name_;
-    const NpzLimits& limits_;
-};
+using namespace zip;
 
 class LittleEndian {
 public:
@@ -946,7 +683,7 @@ Array arrayFromRaw(std::string_view descr, std::vector<int64_t> shape, bool fort
     const RawType type = parseDescr(descr);
     array.dtype = type.dtype;
     if (type.dtype == DType::text || type.dtype == DType::other) {
-        array.descr = ZipReader::printable(descr);
+        array.descr = printableName(descr);
     }
     if (type.dtype == DType::other) {
         if (array.descr == "|O" || array.descr == "O") array.bytes.assign(data.begin(), data.end());
@@ -1007,17 +744,17 @@ Npz readNpz(const std::filesystem::path& path, const NpzLimits& limits) {
 }
 
 Npz npzFromBytes(std::span<const uint8_t> file, const std::string& name, const NpzLimits& limits) {
-    ZipReader zip(file, name, limits);
     Npz npz;
     npz.file = name;
     std::unordered_set<std::string> seen;
-    for (const ZipEntry& entry : zip.entries()) {
+    const ZipLimits zipLimits{limits.maxTotal, limits.maxInflated, limits.maxArrays};
+    for (const ZipEntry& entry : zipEntries(file, {}, name, zipLimits)) {
         if (!entry.name.ends_with(".npy")) continue;
         const std::string key =
-            ZipReader::printable(std::string_view(entry.name).substr(0, entry.name.size() - 4));
+            printableName(std::string_view(entry.name).substr(0, entry.name.size() - 4));
         const std::string where = name + ": " + key;
         if (!seen.insert(key).second) throwInput("{}: stands twice in the file", where);
-        npz.set(key, npyFromBytes(zip.unpack(entry, where), where));
+        npz.set(key, npyFromBytes(unpackZip(file, entry, where), where));
     }
     return npz;
 }

@@ -19,9 +19,9 @@ struct LpipsSpec {
 
 const LpipsSpec& specOf(LpipsNet net) {
     static const std::array<LpipsSpec, 3> specs{{
-        {"alex", {64, 192, 384, 256, 256}, 35},
+        {"alex", {64, 192, 384, 256, 256}, 31},
         {"vgg", {64, 128, 256, 512, 512}, 16},
-        {"squeeze", {64, 128, 256, 384, 384, 512, 512}, 17},
+        {"squeeze", {64, 128, 256, 384, 384, 512, 512}, 25},
     }};
     return specs[static_cast<size_t>(net)];
 }
@@ -32,9 +32,9 @@ struct Builder {
 
     Tensor conv(const Tensor& x, const std::string& name, int64_t out, int64_t kernel,
                 uint32_t stride, uint32_t padding) const {
-        return relu(graph,
-                    conv2d(graph, x, weights(name + ".weight", {out, x.dim(1), kernel, kernel}),
-                           weights(name + ".bias", {out}), stride, padding));
+        Tensor weight = weights(name + ".weight", {out, x.dim(1), kernel, kernel});
+        Tensor bias = weights(name + ".bias", {out});
+        return relu(graph, conv2d(graph, x, weight, bias, stride, padding));
     }
 
     std::vector<Tensor> alex(Tensor x) const {
@@ -87,12 +87,10 @@ struct Builder {
 struct Inception {
     Graph& graph;
     const WeightSource& weights;
-    int64_t width;
 
     // Convolution, normalisation, ReLU. TensorFlow's epsilon is 1e-3.
     Tensor unit(const Tensor& x, const std::string& name, int64_t out, Extent3 kernel,
                 Extent3 stride = {1, 1, 1}) const {
-        out /= width;
         Tensor y = conv3d(
             graph, x,
             weights(name + ".conv3d.weight", {out, x.dim(1), kernel[0], kernel[1], kernel[2]}), {},
@@ -149,9 +147,9 @@ std::vector<Tensor> lpipsFeatures(Graph& graph, LpipsNet net, const Tensor& x,
 }
 
 Tensor inception3dLogits(Graph& graph, const Tensor& x, int64_t classes,
-                         const WeightSource& weights, int64_t width) {
+                         const WeightSource& weights) {
     CHECK(x.shape.size() == 4 && x.dim(1) == 3, "a video is [T,3,H,W], not {}", toString(x.shape));
-    Inception net{graph, weights, width};
+    Inception net{graph, weights};
     Tensor h = net.unit(x, "Conv3d_1a_7x7", 64, {7, 7, 7}, {2, 2, 2});
     h = maxPool3d(graph, h, {1, 3, 3}, {1, 2, 2});
     h = net.unit(h, "Conv3d_2b_1x1", 64, {1, 1, 1});

@@ -33,10 +33,9 @@ std::vector<Tensor> lpipsFeatures(Graph& graph, LpipsNet net, const Tensor& x,
                                   const WeightSource& weights);
 
 // x[T,3,H,W], colours from -1 to 1, to [1,classes]: the logits of Inception-3D's mean features over
-// time and space. For 16 frames of 224x224 that is what the published network computes. width: the
-// features of every layer are divided by it (1: the published network; for tests). Weights are
-// called "Conv3d_1a_7x7.conv3d.weight", "Mixed_3b.b1a.bn.running_var", "logits.conv3d.bias".
+// time and space, which for 16 frames of 224x224 is what the published network computes. Weights
+// are called "Conv3d_1a_7x7.conv3d.weight", "Mixed_3b.b1a.bn.running_var", "logits.conv3d.bias".
 Tensor inception3dLogits(Graph& graph, const Tensor& x, int64_t classes,
-                         const WeightSource& weights, int64_t width = 1);
+                         const WeightSource& weights);
 
 }  // namespace doppel

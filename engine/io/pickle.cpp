@@ -45,6 +45,9 @@ enum class Name : uint8_t {
     csr,
     coo,
     joblibArray,
+    torchStorage,
+    torchTensor,
+    torchParameter,
 };
 
 struct KnownName {
@@ -98,13 +101,30 @@ constexpr KnownName kKnownNames[] = {
     {"joblib.numpy_pickle.NumpyArrayWrapper", Name::joblibArray},
 };
 
+// In PyTorch files only.
+constexpr KnownName kTorchNames[] = {
+    {"torch._utils._rebuild_tensor", Name::torchTensor},
+    {"torch._utils._rebuild_tensor_v2", Name::torchTensor},
+    {"torch._utils._rebuild_parameter", Name::torchParameter},
+    {"torch.FloatStorage", Name::torchStorage},
+    {"torch.DoubleStorage", Name::torchStorage},
+    {"torch.HalfStorage", Name::torchStorage},
+    {"torch.BFloat16Storage", Name::torchStorage},
+    {"torch.LongStorage", Name::torchStorage},
+    {"torch.IntStorage", Name::torchStorage},
+    {"torch.ShortStorage", Name::torchStorage},
+    {"torch.CharStorage", Name::torchStorage},
+    {"torch.ByteStorage", Name::torchStorage},
+    {"torch.BoolStorage", Name::torchStorage},
+};
+
 bool makesObjects(Name name) {
     return name == Name::chumpy || name == Name::chumpySelect || name == Name::csc ||
            name == Name::csr || name == Name::coo || name == Name::joblibArray;
 }
 
 // What an object-kind node is.
-enum class Role : uint8_t { value, name, dtype, instance, emptyArray };
+enum class Role : uint8_t { value, name, dtype, instance, emptyArray, torchStorage, torchTensor };
 
 struct Node {
     Kind kind = Kind::none;
@@ -114,8 +134,10 @@ struct Node {
         int64_t integer = 0;
         double real;
     };
-    std::string text;             // text, bytes; dtype: NumPy's type string; an odd value's repr
-    std::vector<uint32_t> items;  // list, tuple, set; dict: key, value, …; instance: its state
+    std::string text;  // text, bytes; dtype: NumPy's type string; an odd value's repr
+    // list, tuple, set; dict: key, value, …; instance: its state; torchStorage: type, key, size;
+    // torchTensor: storage, offset, shape, strides
+    std::vector<uint32_t> items;
     std::unique_ptr<Array> array;
 };
 
@@ -169,13 +191,18 @@ const char* kindName(const Node& node) {
 
 class Machine {
 public:
-    Machine(std::span<const uint8_t> bytes, const std::string& name, PickleGraph& graph)
+    // torch: the pickle is part of a PyTorch file.
+    Machine(std::span<const uint8_t> bytes, const std::string& name, PickleGraph& graph,
+            bool torch = false)
         : bytes_(bytes),
+          torch_(torch),
           file_(name),
           nodes_(graph.nodes),
           // What opcodes may copy: a few bytes of opcode can ask for a copy of a long text again
           // and again, so that a small file fills the memory.
           budget_((uint64_t{1} << 24) + 16 * bytes.size()) {}
+
+    size_t consumed() const { return position_; }
 
     uint32_t run() {
         while (true) {
@@ -454,15 +481,18 @@ private:
     // ---- names and calls
     void pushName(std::string_view module, std::string_view name) {
         const std::string full = fmt::format("{}.{}", module, name);
-        for (const KnownName& known : kKnownNames) {
-            if (full == known.name) {
+        const auto pushKnown = [&](std::span<const KnownName> names) {
+            for (const KnownName& known : names) {
+                if (full != known.name) continue;
                 const uint32_t node = add(Kind::object, Role::name);
                 nodes_[node].name = known.meaning;
                 nodes_[node].text = known.name;
                 push(node);
-                return;
+                return true;
             }
-        }
+            return false;
+        };
+        if (pushKnown(kKnownNames) || (torch_ && pushKnown(kTorchNames))) return;
         throwInput("{}: refers to code ({}); only numeric data is read", file_, printable(full));
     }
 
@@ -624,9 +654,23 @@ private:
             case Name::joblibArray:
                 if (count > 0) bad("an object made from arguments");
                 return makeInstance(function);
+            case Name::torchTensor: {
+                // (storage, offset, shape, strides, …)
+                need(4);
+                if (nodes_[arguments[0]].role != Role::torchStorage)
+                    bad("a tensor without storage");
+                const uint32_t node = add(Kind::object, Role::torchTensor);
+                nodes_[node].text = "a PyTorch tensor";
+                nodes_[node].items.assign(arguments.begin(), arguments.begin() + 4);
+                return node;
+            }
+            case Name::torchParameter:
+                need(1);
+                return arguments[0];
             case Name::ndarray:
             case Name::baseObject:
             case Name::plainType:
+            case Name::torchStorage:
                 break;
         }
         bad("it calls a type that holds no data");
@@ -688,10 +732,29 @@ private:
                 // OrderedDict and the like may carry attributes of their own: they are no data.
                 if (nodes_[node].kind == Kind::dict || nodes_[node].kind == Kind::set) return;
                 break;
+            case Role::torchTensor:
+                return;  // attributes of its own: no data
             case Role::name:
+            case Role::torchStorage:
                 break;
         }
         bad("a state for what takes none");
+    }
+
+    // ("storage", type, key, device, elements, …)
+    uint32_t torchStorage(uint32_t id) {
+        const std::vector<uint32_t> parts = argumentsOf(id);
+        if (parts.size() < 5 || textOf(parts[0]) != "storage") bad("a reference to no storage");
+        if (nodes_[parts[1]].role != Role::name || nodes_[parts[1]].name != Name::torchStorage) {
+            bad("a storage of no type");
+        }
+        textOf(parts[2]);
+        if (nodes_[parts[4]].kind != Kind::integer) bad("a storage of no size");
+        if (parts.size() > 5 && nodes_[parts[5]].kind != Kind::none) bad("a view of a storage");
+        const uint32_t node = add(Kind::object, Role::torchStorage);
+        nodes_[node].text = "a PyTorch storage";
+        nodes_[node].items = {parts[1], parts[2], parts[4]};
+        return node;
     }
 
     const Node* attribute(uint32_t dict, std::string_view name) const {
@@ -975,8 +1038,13 @@ private:
                 build(top(), state);
                 return;
             }
-            case 'P':
             case 'Q':
+                if (torch_) {
+                    push(torchStorage(pop()));
+                    return;
+                }
+                [[fallthrough]];
+            case 'P':
                 throwInput("{}: refers to data outside the file (a persistent id)", file_);
             case 0x82:
             case 0x83:
@@ -1000,6 +1068,7 @@ private:
     }
 
     std::span<const uint8_t> bytes_;
+    bool torch_;
     const std::string& file_;
     std::vector<Node>& nodes_;
     uint64_t budget_;
@@ -1378,6 +1447,46 @@ std::string PickleValue::asText() const {
     if (node.kind == Kind::text || node.kind == Kind::bytes) return node.text;
     if (node.kind == Kind::array) return node.array->toText(where_);
     unexpected(where_, "text", node);
+}
+
+std::optional<TorchTensor> PickleValue::asTorchTensor() const {
+    const Node& node = graph_->nodes[node_];
+    if (node.role != Role::torchTensor) return std::nullopt;
+    const Node& storage = graph_->nodes[node.items[0]];
+    const auto integers = [&](uint32_t index, const char* what) {
+        const Node& list = graph_->nodes[index];
+        std::vector<int64_t> values;
+        if (list.kind != Kind::tuple && list.kind != Kind::list) {
+            throwInput("{}: a tensor whose {} is {}", where_, what, kindName(list));
+        }
+        for (const uint32_t item : list.items) {
+            const Node& value = graph_->nodes[item];
+            if (value.kind != Kind::integer) {
+                throwInput("{}: a tensor whose {} holds {}", where_, what, kindName(value));
+            }
+            values.push_back(value.integer);
+        }
+        return values;
+    };
+    const Node& offset = graph_->nodes[node.items[1]];
+    if (offset.kind != Kind::integer) {
+        throwInput("{}: a tensor whose offset is {}", where_, kindName(offset));
+    }
+    return TorchTensor{.storage = graph_->nodes[storage.items[1]].text,
+                       .type = graph_->nodes[storage.items[0]].text.substr(6),  // "torch."
+                       .storageSize = graph_->nodes[storage.items[2]].integer,
+                       .offset = offset.integer,
+                       .shape = integers(node.items[2], "shape"),
+                       .strides = integers(node.items[3], "strides")};
+}
+
+PickleValue torchPickleFromBytes(std::span<const uint8_t> bytes, const std::string& name,
+                                 size_t& consumed) {
+    const auto graph = std::make_shared<PickleGraph>();
+    Machine machine(bytes, name, *graph, true);
+    const uint32_t root = machine.run();
+    consumed = machine.consumed();
+    return PickleValue(graph, root, name);
 }
 
 PickleValue pickleFromBytes(std::span<const uint8_t> bytes, const std::string& name) {

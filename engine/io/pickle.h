@@ -1,7 +1,8 @@
 // Python pickles read as data. Nothing in a pickle is ever run: a small machine follows the opcodes
 // of protocols 0 to 5 and knows what a few names mean (NumPy's arrays, scalars and types, SciPy's
 // sparse matrices, chumpy's arrays as in the official SMPL files, joblib's arrays, plain
-// containers). Any other name in the file is an InputError: "refers to code (os.system)".
+// containers; in a PyTorch file, see weights.h, its tensors). Any other name in the file is an
+// InputError: "refers to code (os.system)".
 //
 //     const PickleValue frame = readPickle("0001_body.pkl");
 //     std::vector<float> pose = frame.at("pose").asArray().requireShape({72}).toF32();
@@ -23,6 +24,15 @@ namespace doppel {
 
 struct PickleGraph;  // everything in one file; values keep it alive
 
+// A PyTorch tensor: a view of a storage, whose bytes lie outside the pickle. Unchecked numbers.
+struct TorchTensor {
+    std::string storage;      // its key
+    std::string type;         // of the storage: "FloatStorage"
+    int64_t storageSize = 0;  // elements
+    int64_t offset = 0;       // elements
+    std::vector<int64_t> shape, strides;
+};
+
 // A value in the file, cheap to copy. Accessors that do not fit the value are InputErrors which say
 // file, path, what was expected and what stands there.
 class PickleValue {
@@ -39,7 +49,7 @@ public:
         set,
         dict,
         array,   // a NumPy array or scalar
-        object,  // a sparse matrix, a chumpy array, or a type
+        object,  // a sparse matrix, a chumpy array, a PyTorch tensor, or a type
     };
 
     PickleValue(std::shared_ptr<const PickleGraph> graph, uint32_t node, std::string where);
@@ -64,6 +74,9 @@ public:
     int64_t asInteger() const;  // a whole one
     std::string asText() const;
 
+    // Nothing where the value is something else.
+    std::optional<TorchTensor> asTorchTensor() const;
+
 private:
     std::shared_ptr<const PickleGraph> graph_;
     uint32_t node_;
@@ -74,5 +87,8 @@ private:
 // too large (2 GiB, 4 million values) or that names code is an InputError.
 PickleValue readPickle(const std::filesystem::path& path);
 PickleValue pickleFromBytes(std::span<const uint8_t> bytes, const std::string& name);
+// A pickle inside a PyTorch file, where tensors may stand. consumed: its bytes, others may follow.
+PickleValue torchPickleFromBytes(std::span<const uint8_t> bytes, const std::string& name,
+                                 size_t& consumed);
 
 }  // namespace doppel

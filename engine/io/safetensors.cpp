@@ -73,6 +73,15 @@ size_t itemSize(std::string_view dtype, const std::string& where) {
     throwInput("{}: type {}; expected F32, F16, BF16 or F64", where, printable(dtype));
 }
 
+// Of what can be left out; 0: of no known type.
+size_t otherItemSize(std::string_view dtype) {
+    if (dtype == "I64" || dtype == "U64") return 8;
+    if (dtype == "I32" || dtype == "U32") return 4;
+    if (dtype == "I16" || dtype == "U16") return 2;
+    if (dtype == "I8" || dtype == "U8" || dtype == "BOOL") return 1;
+    return 0;
+}
+
 float halfToFloat(uint16_t half) {
     const int exponent = half >> 10 & 31;
     const int mantissa = half & 1023;
@@ -133,7 +142,8 @@ const Tensor32& Safetensors::at(std::string_view name, std::span<const int64_t> 
     return tensor;
 }
 
-Safetensors safetensorsFromBytes(std::span<const uint8_t> file, const std::string& name) {
+Safetensors safetensorsFromBytes(std::span<const uint8_t> file, const std::string& name,
+                                 OtherTypes others) {
     uint64_t headerSize = 0;
     if (file.size() < 8)
         throwInput("{}: expected a safetensors file, found {} bytes", name, file.size());
@@ -176,7 +186,8 @@ Safetensors safetensorsFromBytes(std::span<const uint8_t> file, const std::strin
         }
         const std::string dtype = entry["dtype"].get<std::string>();
         Tensor32 tensor;
-        uint64_t bytes = itemSize(dtype, where);
+        const bool left = others == OtherTypes::skip && otherItemSize(dtype) > 0;
+        uint64_t bytes = left ? otherItemSize(dtype) : itemSize(dtype, where);
         for (const Json& size : entry["shape"]) {
             tensor.shape.push_back(wholeNumber(size, where));
             if (__builtin_mul_overflow(bytes, static_cast<uint64_t>(tensor.shape.back()), &bytes)) {
@@ -193,7 +204,8 @@ Safetensors safetensorsFromBytes(std::span<const uint8_t> file, const std::strin
             throwInput("{}: expected {} bytes for shape {}, found {} to {}", where, bytes,
                        shapeText(tensor.shape), begin, end);
         }
-        Tensor32* kept = &result.tensors.emplace(key, std::move(tensor)).first->second;
+        Tensor32* kept =
+            left ? nullptr : &result.tensors.emplace(key, std::move(tensor)).first->second;
         ranges.push_back({begin, end, dtype, kept});
     }
     // The format wants every byte of the data in exactly one tensor; only then is memory taken.
@@ -213,6 +225,7 @@ Safetensors safetensorsFromBytes(std::span<const uint8_t> file, const std::strin
                    data.size() - reached);
     }
     for (const Range& range : ranges) {
+        if (range.tensor == nullptr) continue;
         range.tensor->values =
             convert(range.dtype, data.subspan(range.begin, range.end - range.begin));
     }

@@ -27,11 +27,15 @@ struct Safetensors {
     const Tensor32& at(std::string_view name, std::span<const int64_t> shape) const;
 };
 
+// Tensors of integers and truth values: an error, or left out.
+enum class OtherTypes : uint8_t { refuse, skip };
+
 // float32 tensors; float16, bfloat16 and float64 ones are converted. InputError names file and
 // tensor: cut short, a header that lies about sizes, tensors that overlap or leave gaps, other
 // types.
 Safetensors readSafetensors(const std::filesystem::path& path);
-Safetensors safetensorsFromBytes(std::span<const uint8_t> file, const std::string& name);
+Safetensors safetensorsFromBytes(std::span<const uint8_t> file, const std::string& name,
+                                 OtherTypes others = OtherTypes::refuse);
 
 // In the order of the names; the same tensors give the same bytes. Appears whole or not at all
 // (engine/atomic_file.h).

@@ -1,0 +1,60 @@
+// Zip archives as NumPy and PyTorch write them, read from memory. Everything is checked before it
+// is believed: sizes against the file's, totals against limits, CRCs against the bytes, entries
+// that overlap or unpack to far more than they are. What is wrong is an InputError that names the
+// file.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace doppel {
+
+struct ZipEntry {
+    std::string name;
+    uint16_t flags = 0, method = 0;
+    uint32_t crc = 0;
+    uint64_t packed = 0, size = 0, offset = 0;
+    uint64_t begin = 0;  // of the data
+};
+
+// Sizes beyond these are refused before memory is taken.
+struct ZipLimits {
+    uint64_t maxTotal = uint64_t{8} << 30;  // bytes of all entries together
+    // What deflate may blow up more than 100 times: zeros do that honestly, and so does a zip bomb.
+    uint64_t maxInflated = uint64_t{1} << 30;
+    size_t maxEntries = 8192;
+};
+
+// What the archive and its entries are called in errors.
+struct ZipKind {
+    const char* article = "an";
+    const char* file = "npz";
+    const char* items = "arrays";
+};
+
+// Stored and deflated entries, zip64; in the order of the directory. name: for errors.
+std::vector<ZipEntry> zipEntries(std::span<const uint8_t> file, const ZipKind& kind,
+                                 const std::string& name, const ZipLimits& limits);
+
+// The bytes of one of this file's entries.
+std::vector<uint8_t> unpackZip(std::span<const uint8_t> file, const ZipEntry& entry,
+                               const std::string& where);
+
+// Names come from the file: nothing in them may reach a terminal raw.
+std::string printableName(std::string_view name);
+
+namespace zip {
+
+constexpr uint32_t kLocalSignature = 0x04034b50, kCentralSignature = 0x02014b50;
+constexpr uint32_t kEndSignature = 0x06054b50;
+constexpr uint32_t kEnd64Signature = 0x06064b50, kEnd64LocatorSignature = 0x07064b50;
+constexpr size_t kLocalSize = 30, kCentralSize = 46, kEndSize = 22, kEnd64Size = 56,
+                 kEnd64LocatorSize = 20;
+constexpr uint32_t kMax32 = 0xFFFFFFFF;
+
+}  // namespace zip
+
+}  // namespace doppel
