@@ -261,6 +261,7 @@ std::vector<double> restJoints(const BodyModel& body, std::span<const double> be
 }
 
 std::vector<float> clampBounds(const BodyModel& body, ClampBounds source) {
+    if (source == ClampBounds::None) return std::vector<float>(body.part.size(), 1.0f);
     bool paper = source == ClampBounds::Paper;
     std::array<float, kBodyPartEnd> bounds{};
     bounds[kHead] = 0.04f;

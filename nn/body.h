@@ -75,6 +75,7 @@ std::vector<double> restJoints(const BodyModel& body, std::span<const double> be
 enum class ClampBounds {
     Paper,    // as the paper's table has it
     Program,  // as its authors' program has it: upper arms and forearms the other way round
+    None,     // 1 m, which an offset (a tanh) does not reach
 };
 std::vector<float> clampBounds(const BodyModel& body, ClampBounds source);
 

@@ -154,6 +154,7 @@ TEST(Body, ClampBoundsAreTheTable) {
     BodyModel body = bodyFromNpz(readNpz(kDefaultBody));
     std::vector<float> paper = clampBounds(body, ClampBounds::Paper);
     std::vector<float> program = clampBounds(body, ClampBounds::Program);
+    for (float bound : clampBounds(body, ClampBounds::None)) EXPECT_EQ(bound, 1);
     for (size_t v = 0; v < paper.size(); ++v) {
         uint8_t part = body.part[v];
         bool frozen = body.face[v] || body.sole[v] || part == kLeftHand || part == kRightHand;

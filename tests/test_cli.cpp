@@ -84,7 +84,26 @@ TEST(CommandLine, FillsOptions) {
     EXPECT_EQ(train.train.preset.texture.batch, 8);
     EXPECT_EQ(train.train.memoryBudget, uint64_t{2} << 30);
     EXPECT_EQ(train.train.frames, "-3:");
-    EXPECT_EQ(run({"train", "c", "--out", "a"}).train.stages.size(), 3u);
+    EXPECT_EQ(run({"train", "c", "--out", "a"}).train.stages,
+              (std::vector<std::string>{"fit", "mesh", "texture", "refine"}));
+    const TrainOptions plain = run({"train", "c", "--out", "a"}).train;
+    EXPECT_TRUE(plain.gan && plain.face && plain.clamp);
+    const TrainOptions ablation =
+        run({"train", "c", "--out", "a", "--no-refine", "--no-gan", "--no-face", "--no-clamp"})
+            .train;
+    EXPECT_EQ(ablation.stages, (std::vector<std::string>{"fit", "mesh", "texture"}));
+    EXPECT_FALSE(ablation.gan || ablation.face || ablation.clamp);
+    const Outcome nothing = run({"train", "c", "--out", "a", "--stages", "refine", "--no-refine"});
+    EXPECT_EQ(nothing.status, 2);
+    EXPECT_NE(nothing.err.find("--no-refine: stage refine is all"), std::string::npos);
+
+    const RenderOptions render =
+        run({"render", "a", "--motion", "m", "--out", "x", "--texture", "baked", "--smooth", "1.5"})
+            .render;
+    EXPECT_EQ(render.texture, "baked");
+    EXPECT_EQ(render.smooth, 1.5);
+    EXPECT_EQ(run({"eval", "a", "c", "--texture", "coarse"}).eval.texture, "coarse");
+    EXPECT_EQ(run({"export", "a", "--out", "a.glb"}).exporting.texture, "best");
 
     EXPECT_EQ(run({"demo"}).demo.preset.name, "ci");
     EXPECT_EQ(run({"demo"}).demo.out, "out/demo");
@@ -216,6 +235,25 @@ TEST(Presets, PaperIsThePapers) {
     EXPECT_EQ(paper.texture.depth, 9);
     EXPECT_EQ(paper.texture.steps, 2000);
     EXPECT_EQ(paper.texture.region, "union");
+    EXPECT_EQ(paper.refine.epochs, 40);
+    EXPECT_EQ(paper.refine.batch, 8);
+    EXPECT_EQ(paper.refine.lr, 2e-4);
+    EXPECT_EQ(paper.refine.lrDiscriminator, 2e-5);
+    EXPECT_EQ(paper.refine.constantPart, .5);
+    EXPECT_EQ(paper.refine.loss, "log");
+    EXPECT_EQ(paper.refine.faceSize, 80);
+    EXPECT_EQ(paper.refine.reconstruction, 100);
+    EXPECT_EQ(paper.refine.misaligned, 100);
+    Preset changed = paper;
+    setPresetValue(changed, "mesh.clamps", "none", "test");
+    EXPECT_EQ(changed.mesh.clamps, "none");
+    EXPECT_NE(messageOf<InputError>([&] {
+                  setPresetValue(changed, "refine.loss", "hinge", "test");
+              }).find("expected log or squares, found \"hinge\""),
+              std::string::npos);
+    changed.refine.depth = 10;
+    EXPECT_NE(messageOf<InputError>([&] { checkPreset(changed, "test"); }).find("refine.depth"),
+              std::string::npos);
     for (const std::string& name : presetNames()) {
         Preset preset = presetByName(name);
         EXPECT_NO_THROW(checkPreset(preset, name));

@@ -33,6 +33,11 @@ Preset tinyPreset() {
     preset.texture.depth = 6;
     preset.texture.width = 4;
     preset.texture.steps = 80;
+    preset.refine.size = 64;
+    preset.refine.depth = 6;
+    preset.refine.width = 4;
+    preset.refine.discriminatorWidth = 2;
+    preset.refine.faceSize = 16;
     return preset;
 }
 
@@ -117,6 +122,9 @@ Preset restlessPreset() {
     preset.texture.dropout = 0.5;
     preset.texture.constantInput = false;
     preset.texture.region = "union";
+    preset.refine.steps = 8;
+    preset.refine.batch = 2;
+    preset.refine.dropout = 0.5;
     return preset;
 }
 
@@ -125,7 +133,7 @@ TrainOptions restlessOptions(const fs::path& capture, const fs::path& out) {
     options.capture = capture;
     options.out = out;
     options.body = "default";
-    options.stages = {"fit", "mesh", "texture"};
+    options.stages = {"fit", "mesh", "texture", "refine"};
     options.preset = restlessPreset();
     options.pictureSeconds = 0;
     return options;
@@ -155,7 +163,8 @@ void trainUntil(const TrainOptions& options, bool resume, double checkpointSecon
 void expectSameResult(const fs::path& a, const fs::path& b) {
     for (const char* name :
          {"body.npz", "mesh_net.safetensors", "texture_net.safetensors", "texture.png",
-          "preview.png", "log/losses_fit.csv", "log/losses_mesh.csv", "log/losses_texture.csv"}) {
+          "refine_net.safetensors", "texture_baked.png", "preview.png", "log/losses_fit.csv",
+          "log/losses_mesh.csv", "log/losses_texture.csv", "log/losses_refine.csv"}) {
         std::string bytes = bytesOf(a / name);
         EXPECT_FALSE(bytes.empty()) << name;
         EXPECT_EQ(bytes, bytesOf(b / name)) << name;
@@ -181,7 +190,7 @@ std::unique_ptr<test::Folder> Resume::folder_;
 TEST_F(Resume, EndsWithTheSameBytesAfterCtrlCInEveryStage) {
     TrainOptions options = restlessOptions(capture(), folder_->path() / "stopped");
     const std::vector<std::pair<std::string, int64_t>> stops{
-        {"fit", 5}, {"fit", 12}, {"mesh", 3}, {"texture", 1}, {"texture", 6}};
+        {"fit", 5}, {"fit", 12}, {"mesh", 3}, {"texture", 6}, {"refine", 1}, {"refine", 5}};
     for (size_t k = 0; k < stops.size(); ++k) {
         const auto& [stage, step] = stops[k];
         catchInterrupts();
@@ -225,7 +234,7 @@ TEST_F(Resume, EndsWithTheSameBytesAfterBeingKilledBetweenCheckpoints) {
     struct Killed {};
     TrainOptions options = restlessOptions(capture(), folder_->path() / "killed");
     fs::path aside = folder_->path() / "aside.safetensors";
-    const std::vector<std::string> stages{"fit", "mesh", "texture"};
+    const std::vector<std::string> stages{"fit", "mesh", "texture", "refine"};
     for (size_t k = 0; k < stages.size(); ++k) {
         // A checkpoint after each step; the one of step 3 is what a kill during step 6 finds.
         fs::path checkpoint = options.out / "checkpoints" / (stages[k] + ".safetensors");

@@ -41,6 +41,27 @@ void writeNetwork(const fs::path& path, const WeightMap& weights) {
     writeSafetensors(path, file);
 }
 
+void writeTexture(const fs::path& path, const std::vector<float>& texture, int size) {
+    std::error_code ignored;
+    if (texture.empty())
+        fs::remove(path, ignored);
+    else
+        writeImage(path, toImage(texture, size, size));
+}
+
+// Empty where there is no such file. Textures of one avatar have one size; 0: not known yet.
+std::vector<float> readTexture(const fs::path& path, int& size) {
+    if (!fs::exists(path)) return {};
+    Image image = readImage(path, 3);
+    if (image.width != image.height || (size > 0 && image.width != size))
+        throwInput("{}: expected a square texture{}, found {}×{}", path.string(),
+                   size > 0 ? fmt::format(" of {} pixels", size) : "", image.width, image.height);
+    size = image.width;
+    std::vector<float> texture;
+    for (uint8_t byte : image.data) texture.push_back(static_cast<float>(byte) / 255.0f);
+    return texture;
+}
+
 toml::table parseToml(const fs::path& path) {
     std::vector<uint8_t> bytes = readWholeFile(path, uint64_t{1} << 20);
     std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
@@ -79,12 +100,9 @@ void writeAvatar(const fs::path& folder, const Avatar& avatar) {
     writeNpz(folder / "body.npz", body, true);
     writeNetwork(folder / "mesh_net.safetensors", avatar.meshNet);
     writeNetwork(folder / "texture_net.safetensors", avatar.textureNet);
-    std::error_code ignored;
-    if (avatar.texture.empty())
-        fs::remove(folder / "texture.png", ignored);
-    else
-        writeImage(folder / "texture.png",
-                   toImage(avatar.texture, avatar.textureSize, avatar.textureSize));
+    writeNetwork(folder / "refine_net.safetensors", avatar.refineNet);
+    writeTexture(folder / "texture.png", avatar.texture, avatar.textureSize);
+    writeTexture(folder / "texture_baked.png", avatar.bakedTexture, avatar.textureSize);
 
     toml::table source, preset;
     for (const auto& [key, value] : avatar.provenance) source.insert(key, value);
@@ -127,15 +145,26 @@ Avatar readAvatar(const fs::path& folder) {
             avatar.provenance[std::string(key.str())] = value.value_or(std::string());
     avatar.meshNet = readNetwork(folder / "mesh_net.safetensors");
     avatar.textureNet = readNetwork(folder / "texture_net.safetensors");
-    if (fs::exists(folder / "texture.png")) {
-        Image image = readImage(folder / "texture.png", 3);
-        if (image.width != image.height)
-            throwInput("{}: expected a square texture, found {}×{}",
-                       (folder / "texture.png").string(), image.width, image.height);
-        avatar.textureSize = image.width;
-        for (uint8_t byte : image.data) avatar.texture.push_back(static_cast<float>(byte) / 255.0f);
-    }
+    avatar.refineNet = readNetwork(folder / "refine_net.safetensors");
+    avatar.texture = readTexture(folder / "texture.png", avatar.textureSize);
+    avatar.bakedTexture = readTexture(folder / "texture_baked.png", avatar.textureSize);
     return avatar;
+}
+
+TextureKind textureKind(std::string_view word, std::string_view where) {
+    if (word == "best") return TextureKind::Best;
+    if (word == "coarse") return TextureKind::Coarse;
+    if (word == "refined") return TextureKind::Refined;
+    if (word == "baked") return TextureKind::Baked;
+    throwInput("{}: expected best, coarse, refined or baked, found \"{}\"", where, word);
+}
+
+void requireTexture(const Avatar& avatar, TextureKind kind, const fs::path& folder) {
+    if (avatar.texture.empty())
+        throwInput("{}: it has no texture yet; train stage texture first", folder.string());
+    if ((kind == TextureKind::Refined && avatar.refineNet.empty()) ||
+        (kind == TextureKind::Baked && avatar.bakedTexture.empty()))
+        throwInput("{}: it has no refined texture yet; train stage refine first", folder.string());
 }
 
 // ---- posing and drawing -------------------------------------------------------------------------
@@ -167,13 +196,14 @@ struct AvatarRenderer::MeshRecording {
     }
 };
 
-// The texture network painting what faces the camera.
+// The texture networks painting what faces the camera.
 struct AvatarRenderer::TextureRecording {
     TextureNet net;
+    std::optional<RefineNet> refineNet;
     Graph graph;
     Tensor verts, texture;
 
-    TextureRecording(Device& device, const Avatar& avatar)
+    TextureRecording(Device& device, const Avatar& avatar, bool refined)
         : net(device, avatar.preset.texture, avatar.textureNet), graph(device) {
         const BodyModel& body = avatar.body;
         verts = graph.input({body.vertexCount, 3});
@@ -181,19 +211,39 @@ struct AvatarRenderer::TextureRecording {
         Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
         RasterAtlas atlas = rasterAtlas(graph, uvs, body.uvFaces);
         Tensor map = visibilityMap(graph, mesh, verts, atlas, avatar.textureSize);
-        texture = net.forward(graph, {map}, false).at(0);
+        if (refined) {
+            refineNet.emplace(device, avatar);
+            // With a constant input, the coarse texture is the same for every view.
+            std::vector<float> constant;
+            if (avatar.preset.texture.constantInput) constant = paintedTexture(device, net);
+            texture = refineNet->forward(graph, net, constant, map);
+        } else {
+            texture = net.forward(graph, {map}, false).at(0);
+        }
         graph.output(texture);
         graph.compile();
     }
 };
 
-AvatarRenderer::AvatarRenderer(Device& device, const Avatar& avatar, bool refined)
+AvatarRenderer::AvatarRenderer(Device& device, const Avatar& avatar, bool refined,
+                               TextureKind kind)
     : device_(device),
       avatar_(avatar),
+      fixedTexture_(&avatar.texture),
       mesh_(std::make_unique<MeshRecording>(device, avatar, refined)),
       drawer_(device, avatar.body) {
-    if (!avatar.textureNet.empty() && !avatar.preset.texture.constantInput)
-        textureRecording_ = std::make_unique<TextureRecording>(device, avatar);
+    if (kind == TextureKind::Best)
+        kind = avatar.refineNet.empty() ? TextureKind::Coarse : TextureKind::Refined;
+    if (kind == TextureKind::Baked) {
+        CHECK(!avatar.bakedTexture.empty(), "the avatar has a baked texture");
+        fixedTexture_ = &avatar.bakedTexture;
+        return;
+    }
+    bool refine = kind == TextureKind::Refined;
+    CHECK(!refine || (!avatar.refineNet.empty() && !avatar.textureNet.empty()),
+          "the avatar has networks for a refined texture");
+    if (refine || (!avatar.textureNet.empty() && !avatar.preset.texture.constantInput))
+        textureRecording_ = std::make_unique<TextureRecording>(device, avatar, refine);
 }
 
 AvatarRenderer::~AvatarRenderer() = default;
@@ -206,7 +256,7 @@ std::vector<float> AvatarRenderer::vertices(const Theta& theta, const Trans& tra
 }
 
 const std::vector<float>& AvatarRenderer::texture(std::span<const float> verts) {
-    if (!textureRecording_) return avatar_.texture;
+    if (!textureRecording_) return *fixedTexture_;
     textureRecording_->graph.write(textureRecording_->verts, verts);
     textureRecording_->graph.run();
     texture_ = textureRecording_->graph.read<float>(textureRecording_->texture);

@@ -5,6 +5,8 @@
 //     mesh_net.safetensors      once stage "mesh" is done
 //     texture_net.safetensors   once stage "texture" is done
 //     texture.png               the atlas as the texture network paints it for all sides
+//     refine_net.safetensors    once stage "refine" is done
+//     texture_baked.png         the refined textures of many views, merged
 //     preview.png
 //     checkpoints/, log/        training state, while a run is unfinished, and curves
 #pragma once
@@ -33,10 +35,27 @@ struct Avatar {
     Betas betas{};
     Preset preset;
     std::map<std::string, std::string> provenance;
-    WeightMap meshNet, textureNet;  // empty: that stage has not been trained
+    WeightMap meshNet, textureNet, refineNet;  // empty: that stage has not been trained
     int textureSize = 0;
-    std::vector<float> texture;  // [size,size,3] sRGB-encoded in [0,1]; empty: none yet
+    // [size,size,3] sRGB-encoded in [0,1]; empty: none yet.
+    std::vector<float> texture, bakedTexture;
+
+    // Forgets what stage "refine" made, as when the stages before it are trained again.
+    void clearRefinement() {
+        refineNet.clear();
+        bakedTexture.clear();
+    }
 };
+
+// Which texture an avatar is drawn with. Coarse: stage 2's. Refined: what stage 3 makes of it for
+// the view at hand. Baked: the refined textures of many views merged into one, for programs that
+// take a texture only.
+enum class TextureKind { Best, Coarse, Refined, Baked };
+// "best" (refined where there is one, else coarse), "coarse", "refined", "baked". InputError naming
+// `where` for another word.
+TextureKind textureKind(std::string_view word, std::string_view where = "--texture");
+// InputError, naming the avatar's folder and what to train, where it has no such texture.
+void requireTexture(const Avatar& avatar, TextureKind kind, const std::filesystem::path& folder);
 
 Avatar readAvatar(const std::filesystem::path& folder);
 // Creates or updates the folder; each file appears whole or not at all. Files of networks that the
@@ -50,12 +69,13 @@ Npz readBodyArrays(const std::string& body);
 class AvatarRenderer {
 public:
     // refined: false leaves the mesh network out.
-    AvatarRenderer(Device& device, const Avatar& avatar, bool refined = true);
+    AvatarRenderer(Device& device, const Avatar& avatar, bool refined = true,
+                   TextureKind texture = TextureKind::Best);
     ~AvatarRenderer();
 
     // [V,3] in camera space, metres.
     std::vector<float> vertices(const Theta& theta, const Trans& trans);
-    // The texture for this view: the avatar's own, or the network's for what faces the camera.
+    // The texture for this view: one for all views, or the networks' for what faces the camera.
     const std::vector<float>& texture(std::span<const float> verts);
     Drawing draw(const Theta& theta, const Trans& trans, const Camera& camera, int samples = 1);
     std::vector<uint8_t> mask(const Theta& theta, const Trans& trans, const Camera& camera);
@@ -65,6 +85,7 @@ private:
     struct TextureRecording;
     Device& device_;
     const Avatar& avatar_;
+    const std::vector<float>* fixedTexture_;  // where the view does not matter
     std::unique_ptr<MeshRecording> mesh_;
     std::unique_ptr<TextureRecording> textureRecording_;
     MeshDrawer drawer_;

@@ -77,6 +77,14 @@ void addFrames(CLI::App& command, std::string& frames, const char* what) {
                     what));
 }
 
+void addTexture(CLI::App& command, std::string& texture) {
+    command
+        .add_option("--texture", texture,
+                    "coarse, refined (for each view), baked (one for all views), or best: refined "
+                    "where the avatar has it")
+        ->capture_default_str();
+}
+
 // A TOML value as the words that a flag would be given.
 std::vector<std::string> wordsOf(const toml::node& node, const std::string& where) {
     if (const auto* list = node.as_array()) {
@@ -116,8 +124,9 @@ void applyConfig(const toml::table& config, const fs::path& path, CLI::App& comm
         const std::string key(tomlKey.str());
         const std::string where = fmt::format("{}: {}", path.string(), key);
         if (node.is_table()) {
-            if (key == "fit" || key == "mesh" || key == "texture") continue;  // the preset's
-            throwInput("{}: expected a table fit, mesh or texture, found another", where);
+            if (key == "fit" || key == "mesh" || key == "texture" || key == "refine")
+                continue;  // the preset's
+            throwInput("{}: expected a table fit, mesh, texture or refine, found another", where);
         }
         const auto subcommands = app.get_subcommands([](CLI::App*) { return true; });
         if (std::none_of(subcommands.begin(), subcommands.end(),
@@ -139,7 +148,7 @@ void applyConfig(const toml::table& config, const fs::path& path, CLI::App& comm
 
 Preset presetOf(const Shared& shared, const toml::table& config) {
     Preset preset = presetByName(shared.preset);
-    for (const char* section : {"fit", "mesh", "texture"}) {
+    for (const char* section : {"fit", "mesh", "texture", "refine"}) {
         const toml::table* table = config[section].as_table();
         if (table == nullptr) continue;
         for (const auto& [key, node] : *table) {
@@ -164,7 +173,7 @@ Preset presetOf(const Shared& shared, const toml::table& config) {
 }
 
 std::vector<std::string> stagesOf(const std::vector<std::string>& words) {
-    static const std::vector<std::string> all{"fit", "mesh", "texture"};
+    static const std::vector<std::string> all{"fit", "mesh", "texture", "refine"};
     std::set<std::string> wanted;
     for (const std::string& word : words) {
         if (std::find(all.begin(), all.end(), word) == all.end()) {
@@ -286,10 +295,14 @@ struct CommandLine {
                           "doppel train fitted --out avatar --preset small --stages mesh,texture");
         c.add_option("CAPTURE", train.capture, "Capture to read; it needs masks")->required();
         c.add_option("--out", train.out, "Avatar's folder to write")->required();
-        train.stages = {"fit", "mesh", "texture"};
-        c.add_option("--stages", train.stages, "Some of fit,mesh,texture")
+        train.stages = {"fit", "mesh", "texture", "refine"};
+        c.add_option("--stages", train.stages, "Some of fit,mesh,texture,refine")
             ->delimiter(',')
             ->capture_default_str();
+        c.add_flag("!--no-refine", train.refine, "Leave stage refine out: the coarse texture");
+        c.add_flag("!--no-gan", train.gan, "Refine without discriminators");
+        c.add_flag("!--no-face", train.face, "Refine without the face discriminator");
+        c.add_flag("!--no-clamp", train.clamp, "Let the mesh network move vertices freely");
         addFrames(c, train.frames, "Frames to learn from");
         addBody(c, train.body);
         addPreset(c, shared["train"], "small");
@@ -328,6 +341,12 @@ struct CommandLine {
             ->capture_default_str();
         c.add_option("--background", render.background, "capture, or a colour as \"#rrggbb\"")
             ->capture_default_str();
+        addTexture(c, render.texture);
+        c.add_option("--smooth", render.smooth,
+                     "Smooth the motion: standard deviation in frames of a Gaussian over time, on "
+                     "rotations and positions; 0: none")
+            ->capture_default_str()
+            ->check(CLI::Range(0., 100.));
         c.add_option("--size", render.size, "Pixels of the picture's longer side; 0: the camera's")
             ->capture_default_str()
             ->check(CLI::Range(0, 8192));
@@ -343,6 +362,7 @@ struct CommandLine {
         c.add_option("AVATAR", eval.avatar, "Avatar's folder")->required();
         c.add_option("CAPTURE", eval.capture, "Capture with masks")->required();
         addFrames(c, eval.frames, "Frames to compare");
+        addTexture(c, eval.texture);
         c.add_flag("--fit-test-poses", eval.fitTestPoses,
                    "Fit poses and positions (not shape) to these frames first");
         c.add_option("--pictures", eval.pictures,
@@ -357,6 +377,10 @@ struct CommandLine {
         c.add_option("--motion", exporting.motion,
                      "A capture or a poses.npz, which becomes an animation");
         addFrames(c, exporting.frames, "Frames of the motion");
+        c.add_option("--texture", exporting.texture,
+                     "baked (the refined textures of many views in one), coarse, or best: baked "
+                     "where there is one")
+            ->capture_default_str();
     }
 
     void addDemo() {
@@ -433,6 +457,9 @@ int runCommandLine(const std::vector<std::string>& arguments, const Commands& co
             if (name == "fit") run(line.fit, commands.fit);
             if (name == "train") {
                 line.train.stages = stagesOf(line.train.stages);
+                if (!line.train.refine) std::erase(line.train.stages, "refine");
+                if (line.train.stages.empty())
+                    throwInput("--no-refine: stage refine is all that --stages asks for");
                 run(line.train, commands.train);
             }
             if (name == "render") {

@@ -44,8 +44,10 @@ struct TrainOptions {
     CommonOptions common;
     std::filesystem::path capture, out;
     std::string body, frames;
-    std::vector<std::string> stages;  // of "fit", "mesh", "texture", in this order
+    std::vector<std::string> stages;  // of "fit", "mesh", "texture", "refine", in this order
     Preset preset;
+    // Ablations; runTrain applies them to the preset. refine: false takes "refine" out of stages.
+    bool refine = true, gan = true, face = true, clamp = true;
     bool resume = false;   // refuse to start a new run
     bool restart = false;  // leave an unfinished run in the avatar's folder, and start over
     double checkpointSeconds = 180;  // 0: only at Ctrl-C
@@ -60,6 +62,8 @@ struct RenderOptions {
     std::string frames;
     std::string camera = "capture";      // "capture", "turntable", or a cameras.npz
     std::string background = "capture";  // "capture", or a colour "#rrggbb"
+    std::string texture = "best";        // a word of textureKind()
+    double smooth = 0;                   // frames; see smoothed()
     int size = 0;                        // pixels of the larger side; 0: the camera's
     double fps = 0;                      // 0: the motion's
 };
@@ -68,6 +72,7 @@ struct EvalOptions {
     CommonOptions common;
     std::filesystem::path avatar, capture;
     std::string frames;
+    std::string texture = "best";  // a word of textureKind()
     bool fitTestPoses = false;
     std::filesystem::path pictures;  // a folder for render, frame and error side by side; empty: no
 };
@@ -76,6 +81,7 @@ struct ExportOptions {
     CommonOptions common;
     std::filesystem::path avatar, out, motion;  // motion may be empty
     std::string frames;
+    std::string texture = "best";  // "baked", "coarse" or "best"
 };
 
 struct DemoOptions {

@@ -11,8 +11,8 @@ void runEval(const EvalOptions& options) {
     Capture capture = readCapture(options.capture);
     capture = capture.subset(selectFrames(options.frames, capture.size()));
     capture.requireMasks();
-    if (avatar.texture.empty())
-        throwInput("{}: it has no texture yet; train stage texture first", options.avatar.string());
+    TextureKind texture = textureKind(options.texture);
+    requireTexture(avatar, texture, options.avatar);
     Device device({.name = options.common.device});
     std::vector<std::pair<std::string, std::string>> settings{
         {"avatar", options.avatar.string()},
@@ -20,6 +20,7 @@ void runEval(const EvalOptions& options) {
         {"frames", options.frames.empty() ? "all" : options.frames},
         {"fit_test_poses", options.fitTestPoses ? "true" : "false"},
         {"preset", avatar.preset.name},
+        {"texture", options.texture},
         {"seed", fmt::format("{}", options.common.seed)},
         {"background", "the frame's own pixels away from the mask, the median over time behind it"},
         {"device", device.info().name}};
@@ -31,7 +32,7 @@ void runEval(const EvalOptions& options) {
         settings.emplace_back("body_iou_before_fit", fmt::format("{:.4f}", fit.iouBefore));
         settings.emplace_back("body_iou_after_fit", fmt::format("{:.4f}", fit.iouAfter));
     }
-    std::vector<FrameMetrics> metrics = evaluateAvatar(device, avatar, capture, options.pictures);
+    std::vector<FrameMetrics> metrics = evaluateAvatar(device, avatar, capture, options.pictures, texture);
     if (options.common.json) {
         std::cout << metricsJson(metrics, settings, true) << "\n";
         return;

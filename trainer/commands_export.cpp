@@ -9,8 +9,12 @@ namespace doppel {
 
 void runExport(const ExportOptions& options) {
     Avatar avatar = readAvatar(options.avatar);
-    if (avatar.texture.empty())
-        throwInput("{}: it has no texture yet; train stage texture first", options.avatar.string());
+    TextureKind texture = textureKind(options.texture);
+    if (texture == TextureKind::Refined)
+        throwInput(
+            "--texture: expected baked, coarse or best, found refined, which is different for "
+            "every view");
+    requireTexture(avatar, texture, options.avatar);
     std::optional<Motion> motion;
     if (!options.motion.empty()) {
         motion = readMotion(options.motion);
@@ -20,7 +24,7 @@ void runExport(const ExportOptions& options) {
                    options.frames);
     }
     Device device({.name = options.common.device});
-    exportAvatar(device, avatar, options.out, motion ? &*motion : nullptr);
+    exportAvatar(device, avatar, options.out, motion ? &*motion : nullptr, texture);
 
     size_t keys = motion ? motion->size() : 0;
     if (options.common.json)

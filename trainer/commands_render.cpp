@@ -6,6 +6,7 @@
 #include "trainer/background.h"
 #include "trainer/commands.h"
 #include "trainer/rendering.h"
+#include "trainer/smooth.h"
 
 namespace doppel {
 
@@ -25,11 +26,12 @@ Camera scaled(Camera camera, int size) {
 
 void runRender(const RenderOptions& options) {
     Avatar avatar = readAvatar(options.avatar);
-    if (avatar.texture.empty())
-        throwInput("{}: it has no texture yet; train stage texture first", options.avatar.string());
+    TextureKind texture = textureKind(options.texture);
+    requireTexture(avatar, texture, options.avatar);
     Motion motion = readMotion(options.motion);
     std::vector<size_t> chosen = selectFrames(options.frames, motion.size());
-    motion = motion.subset(chosen);
+    // Smoothed whole, so that a part of a motion moves as it does in the whole.
+    motion = smoothed(std::move(motion), options.smooth).subset(chosen);
     Device device({.name = options.common.device});
 
     std::vector<Shot> shots;
@@ -69,13 +71,17 @@ void runRender(const RenderOptions& options) {
         }
     }
     double fps = options.fps > 0 ? options.fps : motion.fps > 0 ? motion.fps : 25;
-    renderShots(device, avatar, shots, background, options.out, fps, "render");
+    double change =
+        renderShots(device, avatar, shots, background, options.out, fps, "render", texture);
     if (options.common.json)
-        std::cout << nlohmann::ordered_json{{"frames", shots.size()}, {"out", options.out.string()}}
+        std::cout << nlohmann::ordered_json{{"frames", shots.size()},
+                                            {"out", options.out.string()},
+                                            {"mean_change", change}}
                          .dump(2)
                   << "\n";
     else
-        fmt::print("{} frames in {}\n", shots.size(), options.out.string());
+        fmt::print("{} frames in {}; consecutive pictures differ by {:.2f} (8-bit units)\n",
+                   shots.size(), options.out.string(), change);
 }
 
 }  // namespace doppel

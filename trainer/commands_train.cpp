@@ -40,13 +40,18 @@ void runTrain(const TrainOptions& options) {
             avatar.meshNet.clear();
             avatar.textureNet.clear();
             avatar.texture.clear();
+            avatar.clearRefinement();
         }
     }
     // Numbers of stages that are left alone stay with their networks.
     Preset before = avatar.preset;
     avatar.preset = options.preset;
+    if (!options.gan) avatar.preset.refine.imageDiscriminator = false;
+    if (!options.gan || !options.face) avatar.preset.refine.faceDiscriminator = false;
+    if (!options.clamp) avatar.preset.mesh.clamps = "none";
     if (!avatar.meshNet.empty() && !trains("mesh")) avatar.preset.mesh = before.mesh;
     if (!avatar.textureNet.empty() && !trains("texture")) avatar.preset.texture = before.texture;
+    if (!avatar.refineNet.empty() && !trains("refine")) avatar.preset.refine = before.refine;
     avatar.provenance["capture"] = capture.name;
     avatar.provenance["command"] = options.common.commandLine;
     avatar.provenance["seed"] = fmt::format("{}", options.common.seed);

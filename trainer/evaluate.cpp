@@ -19,12 +19,13 @@ constexpr int kSamples = 2;
 
 std::vector<FrameMetrics> evaluateAvatar(Device& device, const Avatar& avatar,
                                          const Capture& capture,
-                                         const std::filesystem::path& pictures) {
+                                         const std::filesystem::path& pictures,
+                                         TextureKind texture) {
     capture.requireMasks();
     if (!pictures.empty()) createFolders(pictures);
     FrameCache frames(capture);
     BackgroundPlate plate(capture, frames);
-    AvatarRenderer renderer(device, avatar);
+    AvatarRenderer renderer(device, avatar, true, texture);
     Progress progress("eval", static_cast<int64_t>(capture.size()));
     std::vector<FrameMetrics> metrics;
     for (size_t i = 0; i < capture.size(); ++i) {

@@ -15,7 +15,8 @@ namespace doppel {
 // and error side by side, NAME.png; empty: none.
 std::vector<FrameMetrics> evaluateAvatar(Device& device, const Avatar& avatar,
                                          const Capture& capture,
-                                         const std::filesystem::path& pictures = {});
+                                         const std::filesystem::path& pictures = {},
+                                         TextureKind texture = TextureKind::Best);
 
 // The same for the silhouette alone: IoU per frame, with or without the mesh network.
 std::vector<double> avatarIous(Device& device, const Avatar& avatar, const Capture& capture,

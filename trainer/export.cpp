@@ -251,7 +251,7 @@ std::vector<Theta> posesToMatch(const Motion* motion) {
 }  // namespace
 
 GltfScene avatarScene(const Avatar& avatar, std::span<const float> bindVerts,
-                      const Motion* motion) {
+                      const Motion* motion, TextureKind texture) {
     const BodyModel& body = avatar.body;
     CHECK(bindVerts.size() == 3 * static_cast<size_t>(body.vertexCount),
           "the bind pose must have the body's {} vertices", body.vertexCount);
@@ -271,7 +271,11 @@ GltfScene avatarScene(const Avatar& avatar, std::span<const float> bindVerts,
         place[1] -= ground;
         scene.skeleton.push_back({kJointNames[j], std::max(body.parents[j], -1), place});
     }
-    scene.baseColor = toImage(avatar.texture, avatar.textureSize, avatar.textureSize);
+    CHECK(texture != TextureKind::Refined, "an exported mesh has one texture for all views");
+    bool baked = texture != TextureKind::Coarse && !avatar.bakedTexture.empty();
+    CHECK(baked || texture != TextureKind::Baked, "the avatar has a baked texture");
+    scene.baseColor = toImage(baked ? avatar.bakedTexture : avatar.texture, avatar.textureSize,
+                              avatar.textureSize);
     fillBetweenCharts(scene.baseColor, chartTexels(body, avatar.textureSize));
     scene.unlit = scene.doubleSided = true;
     if (motion) scene.animation = animate(rig, bindVerts, ground, *motion);
@@ -279,8 +283,8 @@ GltfScene avatarScene(const Avatar& avatar, std::span<const float> bindVerts,
 }
 
 void exportAvatar(Device& device, const Avatar& avatar, const std::filesystem::path& out,
-                  const Motion* motion) {
-    AvatarRenderer renderer(device, avatar);
+                  const Motion* motion, TextureKind texture) {
+    AvatarRenderer renderer(device, avatar, true, TextureKind::Coarse);
     std::vector<float> bind = bindVertices(renderer, Rig(avatar), posesToMatch(motion));
     for (float x : bind)
         if (!std::isfinite(x))
@@ -288,7 +292,7 @@ void exportAvatar(Device& device, const Avatar& avatar, const std::filesystem::p
                 "{}: cannot be made: the avatar's mesh network gives vertices that are not "
                 "finite; train stage mesh again",
                 out.string());
-    writeGlb(out, avatarScene(avatar, bind, motion));
+    writeGlb(out, avatarScene(avatar, bind, motion, texture));
 }
 
 }  // namespace doppel

@@ -27,11 +27,13 @@ namespace doppel {
 // average texels where the person is small.
 //
 // InputError where there is no texture.
-GltfScene avatarScene(const Avatar& avatar, std::span<const float> bindVerts, const Motion* motion);
+// texture: Coarse or Baked; Best is the baked one where there is one.
+GltfScene avatarScene(const Avatar& avatar, std::span<const float> bindVerts, const Motion* motion,
+                      TextureKind texture = TextureKind::Best);
 
 // Writes it to `out`, *.glb, which appears whole or not at all. motion may be null. InputError
 // where there is no texture, and where the mesh network's vertices are not finite.
 void exportAvatar(Device& device, const Avatar& avatar, const std::filesystem::path& out,
-                  const Motion* motion);
+                  const Motion* motion, TextureKind texture = TextureKind::Best);
 
 }  // namespace doppel

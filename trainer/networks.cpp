@@ -6,6 +6,9 @@
 #include <map>
 
 #include "engine/io/image.h"
+#include "nn/elementwise.h"
+#include "nn/gan.h"
+#include "nn/texture_layout.h"
 #include "trainer/checkpoint.h"
 #include "trainer/sheet.h"
 
@@ -43,7 +46,9 @@ MeshNetConfig meshNetConfig(const MeshPreset& preset) {
 }
 
 ClampBounds clampsOf(const MeshPreset& preset) {
-    return preset.clamps == "program" ? ClampBounds::Program : ClampBounds::Paper;
+    return preset.clamps == "none"      ? ClampBounds::None
+           : preset.clamps == "program" ? ClampBounds::Program
+                                        : ClampBounds::Paper;
 }
 
 MeshNetwork meshNetwork(Graph& graph, const Avatar& avatar, const Parameters& parameters) {
@@ -65,9 +70,7 @@ TextureNet::TextureNet(Device& device, const TexturePreset& preset, const Weight
 }
 
 WeightMap TextureNet::weights() const {
-    WeightMap all = readWeights(unet_.parameters());
-    all.merge(readWeights(unet_.statistics()));
-    return all;
+    return weightsOf(unet_);
 }
 
 std::vector<Tensor> TextureNet::forward(Graph& graph, const std::vector<Tensor>& maps,
@@ -75,15 +78,76 @@ std::vector<Tensor> TextureNet::forward(Graph& graph, const std::vector<Tensor>&
     return paintTextures(graph, unet_, maps, {training, training && preset_.dropout > 0});
 }
 
-void paintTexture(Device& device, Avatar& avatar) {
-    TextureNet net(device, avatar.preset.texture, avatar.textureNet);
+std::vector<float> paintedTexture(Device& device, const TextureNet& net) {
     Graph graph(device);
     Tensor texture = net.forward(graph, {}, false).at(0);
     graph.output(texture);
     graph.compile();
     graph.run();
+    return graph.read<float>(texture);
+}
+
+void paintTexture(Device& device, Avatar& avatar) {
+    TextureNet net(device, avatar.preset.texture, avatar.textureNet);
     avatar.textureSize = avatar.preset.texture.textureSize;
-    avatar.texture = graph.read<float>(texture);
+    avatar.texture = paintedTexture(device, net);
+}
+
+// ---- stage 3 ------------------------------------------------------------------------------------
+
+RefineConfig refineConfig(const Preset& preset) {
+    const RefinePreset& p = preset.refine;
+    auto f = [](double value) { return static_cast<float>(value); };
+    RefineConfig config;
+    config.size = p.size;
+    config.textureSize = preset.texture.textureSize;
+    config.width = p.width;
+    config.depth = p.depth;
+    config.discriminatorWidth = p.discriminatorWidth;
+    config.faceSize = p.faceSize;
+    config.batch = p.batch;
+    config.dropout = p.dropout > 0;
+    config.imageDiscriminator = p.imageDiscriminator;
+    config.faceDiscriminator = p.faceDiscriminator;
+    config.leastSquares = p.loss == "squares";
+    config.adversarial = f(p.adversarial);
+    config.reconstruction = f(p.reconstruction);
+    config.misaligned = f(p.misaligned);
+    config.unionRegion = p.region == "union";
+    config.ownMasks = p.masks == "own";
+    config.oneSided = p.apart == "rendered";
+    config.residual = p.residual == "program" ? Residual::Program : Residual::Clamped;
+    config.generatorOptimiser = adamwOptions(p.beta1, p.beta2, p.weightDecay);
+    config.discriminatorOptimiser = config.generatorOptimiser;
+    config.discriminatorOptimiser.rateScale = f(p.lrDiscriminator / p.lr);
+    return config;
+}
+
+RefineNet::RefineNet(Device& device, const Avatar& avatar)
+    : unet_(refineUnetConfig(refineConfig(avatar.preset)), "refine", 0),
+      residual_(refineConfig(avatar.preset).residual) {
+    unet_.allocate(device);
+    loadWeights(unet_.parameters(), avatar.refineNet, "refine_net.safetensors");
+    loadWeights(unet_.statistics(), avatar.refineNet, "refine_net.safetensors");
+}
+
+Tensor RefineNet::forward(Graph& graph, const TextureNet& coarse, std::span<const float> constant,
+                          const Tensor& map) const {
+    int64_t size = unet_.config().size;
+    Tensor maps = map.reshaped({1, 1, size, size}), planes;
+    if (constant.empty())
+        planes = scaleShift(graph, coarse.unet().forward(graph, maps, {.frozen = true}), 0.5f, 0.5f);
+    else
+        planes = planar(graph, {graph.constant(constant, {size, size, 3})});
+    return interleave(graph,
+                      refineTextures(graph, unet_, planes, maps, {.frozen = true}, residual_))
+        .at(0);
+}
+
+WeightMap weightsOf(const TextureUnet& unet) {
+    WeightMap all = readWeights(unet.parameters());
+    all.merge(readWeights(unet.statistics()));
+    return all;
 }
 
 // ---- what the stages share ----------------------------------------------------------------------

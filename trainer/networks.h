@@ -2,10 +2,12 @@
 #pragma once
 
 #include <filesystem>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "nn/mesh_step.h"
+#include "nn/refine.h"
 #include "nn/texture_step.h"
 #include "trainer/avatar.h"
 
@@ -42,8 +44,32 @@ private:
     TextureUnet unet_;
 };
 
+// What the network paints for all sides, [size,size,3].
+std::vector<float> paintedTexture(Device& device, const TextureNet& net);
 // Lets the network paint avatar.texture for all sides.
 void paintTexture(Device& device, Avatar& avatar);
+
+// ---- stage 3 ------------------------------------------------------------------------------------
+
+RefineConfig refineConfig(const Preset& preset);
+
+// G_RN as an avatar has it.
+class RefineNet {
+public:
+    RefineNet(Device& device, const Avatar& avatar);
+
+    // The refined texture [size,size,3] for a visibility map [size,size]; the coarse one is what
+    // `coarse` paints for the map, or `constant` where that is not empty.
+    Tensor forward(Graph& graph, const TextureNet& coarse, std::span<const float> constant,
+                   const Tensor& map) const;
+
+private:
+    TextureUnet unet_;
+    Residual residual_;
+};
+
+// Values and running statistics.
+WeightMap weightsOf(const TextureUnet& unet);
 
 // ---- what the stages share ----------------------------------------------------------------------
 

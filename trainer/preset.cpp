@@ -2,6 +2,7 @@
 
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <bit>
 #include <charconv>
 #include <cmath>
@@ -69,6 +70,43 @@ void visitFields(P& preset, Visit visit) {
     visit("texture.dropout", t.dropout, 0, .99);
     visit("texture.region", t.region, 0, 0);
     visit("texture.constantInput", t.constantInput, 0, 1);
+    auto& r = preset.refine;
+    visit("refine.size", r.size, 16, 4096);
+    visit("refine.width", r.width, 1, 512);
+    visit("refine.depth", r.depth, 2, 12);
+    visit("refine.discriminatorWidth", r.discriminatorWidth, 1, 512);
+    visit("refine.faceSize", r.faceSize, 12, 4096);
+    visit("refine.batch", r.batch, 1, 256);
+    visit("refine.epochs", r.epochs, 0, kMany);
+    visit("refine.steps", r.steps, 0, kMany);
+    visit("refine.lr", r.lr, 1e-12, 10);
+    visit("refine.lrDiscriminator", r.lrDiscriminator, 0, 10);
+    visit("refine.beta1", r.beta1, 0, .999999);
+    visit("refine.beta2", r.beta2, 0, .999999);
+    visit("refine.weightDecay", r.weightDecay, 0, 10);
+    visit("refine.constantPart", r.constantPart, 0, 1);
+    visit("refine.dropout", r.dropout, 0, .99);
+    visit("refine.loss", r.loss, 0, 0);
+    visit("refine.adversarial", r.adversarial, 0, kMany);
+    visit("refine.reconstruction", r.reconstruction, 0, kMany);
+    visit("refine.misaligned", r.misaligned, 0, kMany);
+    visit("refine.imageDiscriminator", r.imageDiscriminator, 0, 1);
+    visit("refine.faceDiscriminator", r.faceDiscriminator, 0, 1);
+    visit("refine.region", r.region, 0, 0);
+    visit("refine.masks", r.masks, 0, 0);
+    visit("refine.apart", r.apart, 0, 0);
+    visit("refine.residual", r.residual, 0, 0);
+    visit("refine.balanceHeadings", r.balanceHeadings, 0, 1);
+}
+
+// The words that a number that is a text may be.
+std::vector<std::string_view> choicesOf(std::string_view name) {
+    if (name == "mesh.clamps") return {"paper", "program", "none"};
+    if (name == "refine.loss") return {"log", "squares"};
+    if (name == "refine.masks") return {"region", "own"};
+    if (name == "refine.apart") return {"different", "rendered"};
+    if (name == "refine.residual") return {"clamped", "program"};
+    return {"union", "intersection"};  // of the regions
 }
 
 std::string textOf(bool value) { return value ? "true" : "false"; }
@@ -118,6 +156,9 @@ Preset presetByName(std::string_view name) {
     preset.texture.constantInput = true;
     preset.texture.region = "intersection";
     preset.texture.batch = 1;
+    preset.refine.balanceHeadings = true;
+    preset.refine.region = "intersection";
+    preset.refine.batch = 1;
     if (name == "small") {
         preset.mesh.hidden = 64;
         preset.mesh.deviation = .02;
@@ -125,6 +166,9 @@ Preset presetByName(std::string_view name) {
         preset.mesh.steps = 1500;
         preset.texture.width = 16;
         preset.texture.steps = 600;
+        preset.refine.width = 16;
+        preset.refine.discriminatorWidth = 16;
+        preset.refine.steps = 600;
         return preset;
     }
     if (name == "ci") {
@@ -140,6 +184,13 @@ Preset presetByName(std::string_view name) {
         preset.texture.width = 12;
         preset.texture.dropout = 0;
         preset.texture.steps = 400;
+        preset.refine.size = 256;
+        preset.refine.depth = 8;
+        preset.refine.width = 12;
+        preset.refine.discriminatorWidth = 8;
+        preset.refine.faceSize = 40;
+        preset.refine.dropout = 0;
+        preset.refine.steps = 150;
         return preset;
     }
     throwInput("--preset: expected one of {}, found \"{}\"", fmt::join(presetNames(), ", "), name);
@@ -162,12 +213,10 @@ void setPresetValue(Preset& preset, std::string_view name, std::string_view valu
         known = true;
         using T = std::remove_reference_t<decltype(target)>;
         if constexpr (std::is_same_v<T, std::string>) {
-            const std::array<std::string_view, 2> choices =
-                name == "mesh.clamps" ? std::array<std::string_view, 2>{"paper", "program"}
-                                      : std::array<std::string_view, 2>{"union", "intersection"};
-            if (value != choices[0] && value != choices[1]) {
-                throwInput("{}: {}: expected {} or {}, found \"{}\"", where, name, choices[0],
-                           choices[1], value);
+            const std::vector<std::string_view> choices = choicesOf(name);
+            if (std::ranges::find(choices, value) == choices.end()) {
+                throwInput("{}: {}: expected {}, found \"{}\"", where, name,
+                           fmt::join(choices, " or "), value);
             }
             target = value;
         } else if constexpr (std::is_same_v<T, bool>) {
@@ -202,6 +251,11 @@ void checkPreset(const Preset& preset, std::string_view where) {
     if (t.textureSize >> t.depth < 1) {
         throwInput("{}: texture.depth: expected at most {} for a texture of {} pixels, found {}",
                    where, std::bit_width(unsigned(t.textureSize)) - 1, t.textureSize, t.depth);
+    }
+    const RefinePreset& r = preset.refine;
+    if (t.textureSize >> r.depth < 1) {
+        throwInput("{}: refine.depth: expected at most {} for a texture of {} pixels, found {}",
+                   where, std::bit_width(unsigned(t.textureSize)) - 1, t.textureSize, r.depth);
     }
 }
 

@@ -40,7 +40,8 @@ struct MeshPreset {
     double gradientClip = 0;       // largest gradient norm; 0: none. Program: 2
     bool dilateMask = false;       // 3×3 before the loss. Program: true
     bool balanceHeadings = false;  // draw frames evenly over 8 body headings. Program: true
-    // Whose table of clamps K bounds the blocks' offsets (see clampBounds): "paper" or "program".
+    // Whose table of clamps K bounds the blocks' offsets (see clampBounds): "paper", "program", or
+    // "none".
     std::string clamps = "paper";
 };
 
@@ -60,11 +61,42 @@ struct TexturePreset {
     bool constantInput = false;    // all ones in place of the visibility map. Program: true
 };
 
+// Stage 3: the texture refinement network G_RN and its discriminators. Its textures have stage 2's
+// size.
+struct RefinePreset {
+    int size = 512;               // side of the crops, pixels
+    int width = 64;               // channels d of the U-Net's first step
+    int depth = 9;                // down steps; 2^depth ≤ texture.textureSize
+    int discriminatorWidth = 64;  // channels d of the discriminators
+    int faceSize = 80;            // side of the face discriminator's crops, pixels
+    int batch = 8;
+    int epochs = 40;  // over the capture's frames; steps = 0 goes by epochs
+    int steps = 0;    // where > 0: this many steps, whatever the number of frames
+    double lr = 2e-4, lrDiscriminator = 2e-5;
+    double beta1 = .5, beta2 = .999, weightDecay = 1e-2;
+    double constantPart = .5;  // of the steps at full rates; then linear to zero. Program: 0
+    double dropout = .5;       // on up steps 2 to 5
+    std::string loss = "log";  // "log": log-likelihood; program: "squares", least squares
+    double adversarial = 1;    // weight of each adversarial loss
+    double reconstruction = 100, misaligned = 100;  // α1, α2
+    bool imageDiscriminator = true, faceDiscriminator = true;
+    std::string region = "union";  // B, as in stage 2. Program: "intersection"
+    // Pictures for the discriminators: frame and render in "region" B, or each in its "own"
+    // silhouette, as the program has it.
+    std::string masks = "region";
+    // C: where the silhouettes are "different"; program: what is "rendered" but not real.
+    std::string apart = "different";
+    // "clamped": x_p + y/2 within [0,1]; program: "program", (1 + x_p + y)/2.
+    std::string residual = "clamped";
+    bool balanceHeadings = false;  // draw frames evenly over 8 body headings. Program: true
+};
+
 struct Preset {
     std::string name;
     FitPreset fit;
     MeshPreset mesh;
     TexturePreset texture;
+    RefinePreset refine;
 };
 
 // "ci" (a minute or so, for demo and tests), "small" (an evening on a CPU), "paper". InputError

@@ -85,9 +85,10 @@ std::vector<float> plainBackground(const std::string& colour, const Camera& came
     return picture;
 }
 
-void renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>& shots,
-                 const std::function<std::vector<float>(size_t)>& background,
-                 const std::filesystem::path& out, double fps, const std::string& what) {
+double renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>& shots,
+                   const std::function<std::vector<float>(size_t)>& background,
+                   const std::filesystem::path& out, double fps, const std::string& what,
+                   TextureKind texture) {
     CHECK(!shots.empty(), "there is something to render");
     bool film = out.extension() == ".mp4";
     std::optional<VideoWriter> video;
@@ -102,7 +103,10 @@ void renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>& 
     else
         folder.emplace(out, "0000.png");
 
-    AvatarRenderer renderer(device, avatar);
+    AvatarRenderer renderer(device, avatar, true, texture);
+    Image before;
+    double difference = 0;
+    size_t compared = 0;
     Progress progress(what, static_cast<int64_t>(shots.size()));
     for (size_t i = 0; i < shots.size(); ++i) {
         if (interrupted()) throw Interrupted{};
@@ -114,12 +118,19 @@ void renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>& 
             video->add(image);
         else
             writeImage(folder->folder() / fmt::format("{:04}.png", i), image);
+        if (i > 0 && image.data.size() == before.data.size() && image.width == before.width) {
+            for (size_t k = 0; k < image.data.size(); ++k)
+                difference += std::abs(int{image.data[k]} - int{before.data[k]});
+            compared += image.data.size();
+        }
+        before = std::move(image);
         progress.update(static_cast<int64_t>(i) + 1);
     }
     if (film)
         video->finish();
     else
         folder->commit();
+    return compared > 0 ? difference / static_cast<double>(compared) : 0;
 }
 
 }  // namespace doppel

@@ -30,9 +30,13 @@ std::vector<Shot> throughOwnCameras(const Motion& motion);
 
 // Draws shots into FILE.mp4 or into a folder of PNGs (0000.png, …), which appear when all is done.
 // background: per shot, [H,W,3] in [0,1]. Calls interrupted() between pictures.
-void renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>& shots,
-                 const std::function<std::vector<float>(size_t)>& background,
-                 const std::filesystem::path& out, double fps, const std::string& what);
+//
+// Returns how much consecutive pictures differ: the mean |difference| in 8-bit units over all
+// pixels and pairs of one size; 0 for a pose held still, since nothing in an avatar is random.
+double renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>& shots,
+                   const std::function<std::vector<float>(size_t)>& background,
+                   const std::filesystem::path& out, double fps, const std::string& what,
+                   TextureKind texture = TextureKind::Best);
 
 // A picture of one colour, "#rrggbb".
 std::vector<float> plainBackground(const std::string& colour, const Camera& camera);

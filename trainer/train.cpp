@@ -180,6 +180,9 @@ TrainResult trainAvatar(Device& device, Avatar avatar, Capture capture,
         result.avatar.textureNet.clear();
         result.avatar.texture.clear();
     }
+    if ((run.wants("texture") && !run.isDone("texture")) ||
+        (run.wants("refine") && !run.isDone("refine")))
+        result.avatar.clearRefinement();
     if (run.wants("mesh") && !run.isDone("mesh")) {
         trainMesh(device, result.avatar, result.capture, settings);
         run.finish("mesh", result.avatar);
@@ -187,6 +190,10 @@ TrainResult trainAvatar(Device& device, Avatar avatar, Capture capture,
     if (run.wants("texture") && !run.isDone("texture")) {
         trainTexture(device, result.avatar, result.capture, settings);
         run.finish("texture", result.avatar);
+    }
+    if (run.wants("refine") && !run.isDone("refine")) {
+        trainRefine(device, result.avatar, result.capture, settings);
+        run.finish("refine", result.avatar);
     }
     if (settings.keeps()) {
         if (!result.avatar.texture.empty())

@@ -38,4 +38,9 @@ void trainMesh(Device& device, Avatar& avatar, const Capture& capture,
 void trainTexture(Device& device, Avatar& avatar, const Capture& capture,
                   const TrainSettings& settings);
 
+// Stage 3: the texture refinement network G_RN; fills avatar.refineNet and bakedTexture. InputError
+// where the avatar has no texture network.
+void trainRefine(Device& device, Avatar& avatar, const Capture& capture,
+                 const TrainSettings& settings);
+
 }  // namespace doppel
