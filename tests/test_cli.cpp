@@ -154,7 +154,7 @@ TEST(CommandLine, ConfigUnderFlags) {
     refuse("preset = ", "bad.toml: line 1: not TOML");
     refuse("[mesh]\nbatches = 3", "bad.toml: there is no number \"mesh.batches\"; there are mesh.");
     refuse("[mesh]\nbatch = 0", "bad.toml: mesh.batch: expected a whole number from 1 to 256");
-    refuse("[mash]\nbatch = 1", "bad.toml: mash: expected a table fit, mesh or texture");
+    refuse("[mash]\nbatch = 1", "bad.toml: mash: expected a table fit, mesh, texture or refine");
     const Outcome missing = run({"train", "c", "--out", "a", "--config", "no/such.toml"});
     EXPECT_EQ(missing.status, 2);
     EXPECT_NE(missing.err.find("no/such.toml"), std::string::npos);
@@ -178,7 +178,7 @@ TEST(CommandLine, RefusesWithOneLineAndTwo) {
     refuse({"train", "c", "--out", "a", "--preset", "huge"},
            "--preset: expected one of ci, small, paper, found \"huge\"");
     refuse({"train", "c", "--out", "a", "--stages", "mesh,hair"},
-           "--stages: expected some of fit,mesh,texture, found \"hair\"");
+           "--stages: expected some of fit,mesh,texture,refine, found \"hair\"");
     refuse({"train", "c", "--out", "a", "--set", "mesh.batch"},
            "--set: expected NAME=VALUE (mesh.batch=8), found \"mesh.batch\"");
     refuse({"train", "c", "--out", "a", "--set", "mesh.batch=two"},

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <glm/glm.hpp>
 
+#include "trainer/networks.h"
+
 namespace doppel {
 
 namespace {
@@ -166,7 +168,9 @@ void bakeTexture(Device& device, Avatar& avatar, const std::vector<std::vector<f
     AvatarRenderer renderer(device, avatar, true, TextureKind::Refined);
     TextureBaker baker(avatar.body, avatar.textureSize);
     for (const std::vector<float>& verts : views) baker.add(renderer.texture(verts), verts);
-    avatar.bakedTexture = baker.result(avatar.texture);
+    // As the network paints it, not as eight bits keep it: the same for an avatar from disk.
+    TextureNet coarse(device, avatar.preset.texture, avatar.textureNet);
+    avatar.bakedTexture = baker.result(paintedTexture(device, coarse));
 }
 
 }  // namespace doppel
