@@ -128,6 +128,21 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
     CHECK(!g.bias || g.bias.elements() == (g.biasPerRow ? g.m : g.n), "bias fits the product");
 
     Plan p = plan(graph.device(), g);
+    // Lanes that run one after the other, as a CPU's, also pay for columns behind the last: those
+    // that fill less than half of a tile get narrower ones.
+    int64_t rest = g.n % p.columns();
+    bool biasPerColumn = g.bias && !g.biasPerRow;
+    if (p.onCpu && !g.panelsB && !biasPerColumn && g.n > p.columns() && rest > 0 &&
+        rest <= p.columns() / 2) {
+        Gemm wide = g, narrow = g;
+        wide.n = g.n - rest;
+        narrow.n = rest;
+        narrow.startB += wide.n * (g.transB ? g.ldb : 1);
+        narrow.startC += wide.n;
+        gemm(graph, a, b, c, wide);
+        gemm(graph, a, b, c, narrow);
+        return;
+    }
     Tensor left = a, right = b;
     uint32_t layoutA = g.transA ? kGemmTransposed : kGemmRows;
     uint32_t layoutB = g.transB ? kGemmTransposed : g.panelsB ? kGemmPanels : kGemmRows;
