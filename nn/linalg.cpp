@@ -26,8 +26,6 @@ struct Plan {
     int64_t columns() const { return int64_t{2} * pairs * lanes; }
 };
 
-int64_t alignSteps(int64_t k) { return ceilDiv(k, kGemmUnroll) * kGemmUnroll; }
-
 bool runsOnCpu(const Device& device) {
     // One subgroup per workgroup, which divides the pairs of A in a body of the loop. Descriptors
     // are for tests: the plain kernel is tested there.
@@ -41,20 +39,11 @@ Plan plan(const Device& device, const Gemm& g) {
     p.onCpu = runsOnCpu(device);
     if (p.onCpu) {
         p.lanes = device.info().subgroupSize;
-        // Time per row of a tile as measured on lavapipe; a tile may reach over the last row.
-        constexpr std::pair<uint32_t, double> kRowCosts[] = {{32, 1.0}, {16, 1.25}, {8, 2}};
-        double best = 0;
-        for (auto [rows, cost] : kRowCosts) {
-            double time = static_cast<double>(ceilDiv(g.m, rows) * rows) * cost;
-            if (best == 0 || time < best) {
-                best = time;
-                p.rows = rows;
-            }
-        }
+        p.rows = u32(gemmPanelRows(device, g.m));
         // Packing costs some five cycles per element, a product a quarter of one per element of A
         // and column. Odd rows cannot be read in pairs, so that they gain more.
         auto worth = [](int64_t uses, int64_t ld) { return uses >= (ld % 2 == 0 ? 256 : 64); };
-        p.panelsA = worth(g.n, g.lda);
+        p.panelsA = !g.panelsA && worth(g.n, g.lda);
         p.panelsB = !g.panelsB && worth(g.m, g.ldb);
     }
     if (g.panelsB)
@@ -66,7 +55,7 @@ Plan plan(const Device& device, const Gemm& g) {
     bool cpu = device.info().cpu;
     int64_t wanted = cpu ? 16 : 512, shortest = cpu ? 512 : 128;
     p.parts = std::max<int64_t>(1, std::min(ceilDiv(wanted, tiles), g.k / shortest));
-    p.kPart = std::max<int64_t>(kGemmUnroll, alignSteps(ceilDiv(g.k, p.parts)));
+    p.kPart = std::max<int64_t>(kGemmUnroll, gemmPanelSteps(ceilDiv(g.k, p.parts)));
     p.parts = std::max<int64_t>(1, ceilDiv(g.k, p.kPart));
     return p;
 }
@@ -103,6 +92,24 @@ Tensor pack(Graph& graph, const Source& s, int64_t steps, int64_t stepsInPanel, 
 
 }  // namespace
 
+int64_t gemmPanelSteps(int64_t k) { return ceilDiv(k, kGemmUnroll) * kGemmUnroll; }
+
+int64_t gemmPanelRows(const Device& device, int64_t m) {
+    if (!runsOnCpu(device)) return 8;
+    // Time per row of a tile as measured on lavapipe; a tile may reach over the last row.
+    constexpr std::pair<int64_t, double> kRowCosts[] = {{32, 1.0}, {16, 1.25}, {8, 2}};
+    double best = 0;
+    int64_t chosen = 0;
+    for (auto [rows, cost] : kRowCosts) {
+        double time = static_cast<double>(ceilDiv(m, rows) * rows) * cost;
+        if (best == 0 || time < best) {
+            best = time;
+            chosen = rows;
+        }
+    }
+    return chosen;
+}
+
 int64_t gemmPanelWidth(const Device& device, int64_t n) {
     int64_t lanes = runsOnCpu(device) ? device.info().subgroupSize : 32;
     return n <= 2 * lanes ? 2 * lanes : 4 * lanes;
@@ -111,6 +118,7 @@ int64_t gemmPanelWidth(const Device& device, int64_t n) {
 void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const Gemm& shape) {
     Gemm g = shape;
     CHECK(!g.panelsB || (!g.transB && g.ldb == 0 && g.startB == 0), "panels of B are packed");
+    CHECK(!g.panelsA || (!g.transA && g.lda == 0 && g.startA == 0), "panels of A are packed");
     if (g.lda == 0) g.lda = g.transA ? g.m : g.k;
     if (g.ldb == 0) g.ldb = g.transB ? g.k : g.n;
     if (g.ldc == 0) g.ldc = g.n;
@@ -144,11 +152,12 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
         return;
     }
     Tensor left = a, right = b;
-    uint32_t layoutA = g.transA ? kGemmTransposed : kGemmRows;
+    uint32_t layoutA = g.transA ? kGemmTransposed : g.panelsA ? kGemmPanels : kGemmRows;
     uint32_t layoutB = g.transB ? kGemmTransposed : g.panelsB ? kGemmPanels : kGemmRows;
+    if (g.panelsA) g.lda = gemmPanelSteps(g.k) * p.rows;
     if (g.panelsB) g.ldb = g.k * p.columns();
     if (p.panelsA && g.k > 0) {
-        int64_t matrices = g.strideA == 0 ? 1 : g.batch, steps = alignSteps(g.k);
+        int64_t matrices = g.strideA == 0 ? 1 : g.batch, steps = gemmPanelSteps(g.k);
         left = pack(
             graph,
             {a, g.startA, matrices, g.strideA, g.m, g.transA ? 1 : g.lda, g.transA ? g.lda : 1},
@@ -200,7 +209,8 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
                         {"kLayoutA", layoutA},
                         {"kLayoutB", layoutB},
                         {"kAccumulate", !split && g.accumulate},
-                        {"kBias", split ? 0 : biasKind}};
+                        {"kBias", split ? 0 : biasKind},
+                        {"kRelu", !split && g.relu}};
     Groups groups{u32(ceilDiv(g.m, p.rows)), u32(ceilDiv(g.n, p.columns())),
                   u32(p.parts * g.batch)};
     Tensor bias = g.bias ? g.bias : graph.none();
@@ -237,7 +247,7 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
                             .parts = u32(p.parts)};
     graph.dispatch("linalg/gemm_reduce.sum", {{"partial", out}, {"c", c}, {"bias", bias}}, reduce,
                    static_cast<uint64_t>(strideCPart),
-                   {{"kAccumulate", g.accumulate}, {"kBias", biasKind}});
+                   {{"kAccumulate", g.accumulate}, {"kBias", biasKind}, {"kRelu", g.relu}});
 }
 
 void sumAxis(Graph& graph, const Tensor& x, int64_t outer, int64_t count, int64_t inner,

@@ -12,6 +12,9 @@ struct Gemm {
     bool transA = false, transB = false;
     // B lies in panels [batch, ceil(n / width), k, width] of gemmPanelWidth() columns.
     bool panelsB = false;
+    // A lies in panels [batch, ceil(m / rows), gemmPanelSteps(k), rows] of gemmPanelRows() rows,
+    // zero from step k on.
+    bool panelsA = false;
     bool accumulate = false;  // C += op(A) op(B)
     // Elements from one stored row to the next; 0: the rows are packed.
     int64_t lda = 0, ldb = 0, ldc = 0;
@@ -20,10 +23,14 @@ struct Gemm {
     int64_t batch = 1, strideA = 0, strideB = 0, strideC = 0;
     Tensor bias;  // added to every row [n], or, biasPerRow, to every column [m]
     bool biasPerRow = false;
+    bool relu = false;  // C = max(0, all of that)
 };
 
-// How many columns of B a panel has, for a B of n columns.
+// How many columns of B a panel has, for a B of n columns; rows of A, for m of them; and steps of
+// k that a panel of A has.
 int64_t gemmPanelWidth(const Device& device, int64_t n);
+int64_t gemmPanelRows(const Device& device, int64_t m);
+int64_t gemmPanelSteps(int64_t k);
 
 // Adds the dispatches of a product to the current op, forward or backward; no gradient of its own.
 // Sums have a fixed order: the same bits every run. Rows of an even number of elements are read

@@ -30,44 +30,86 @@ MeshTensors meshOf(OpCall& c) {
     return meshTensors(c.graph, meshTopology(c.ints("faces"), vertices, "faces"));
 }
 
-// y[V,O] = z's first O columns + sum of the neighbours' last O columns. With a tail [V,3]: ReLU,
-// and the tail and zeros behind it, y[V,rowWithTail(O)].
-Tensor aggregate(Graph& graph, const Tensor& z, const AdjacencyTensors& adjacency,
-                 const Tensor& tail, bool relu) {
-    auto vertices = static_cast<uint32_t>(z.dim(0)), O = static_cast<uint32_t>(z.dim(1) / 2);
-    auto row = tail ? static_cast<uint32_t>(rowWithTail(O)) : O;
-    AggregateParams params{vertices, O, 2 * O, row};
-    // Where a load of eight bytes costs as much as one of four.
-    const DeviceInfo& device = graph.device().info();
-    bool pairs = device.cpu && device.int64 && O % kPairColumns == 0 && row % 2 == 0 &&
-                 graph.device().binding() == Binding::Addresses;
-    uint64_t invocations = uint64_t{vertices} * (pairs ? O / kPairColumns : O);
-    Specialisation spec{{"kRelu", relu}};
-    Tensor y = graph.temporary({vertices, row});
-    graph.beginOp("graph_conv.gather");
-    graph.dispatch(pairs ? "mesh/aggregate_pairs.forward" : "mesh/aggregate.forward",
-                   {{"z", z},
+// Where a load of eight bytes costs as much as one of four.
+bool loadsPairs(const Device& device) {
+    return device.info().cpu && device.info().int64 && device.binding() == Binding::Addresses;
+}
+
+// [ceil(V/rows), 2H, rows], see graph_panels.comp.
+Tensor graphPanels(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency,
+                   const GraphConvWeights& w) {
+    int64_t vertices = x.dim(0), H = w.halfColumns;
+    int64_t rows = gemmPanelRows(graph.device(), vertices);
+    Tensor panels = graph.temporary({(vertices + rows - 1) / rows, 2 * H, rows});
+    GraphPanelsParams params{static_cast<uint32_t>(vertices), static_cast<uint32_t>(w.inputs),
+                             static_cast<uint32_t>(w.row), static_cast<uint32_t>(H)};
+    Specialisation spec{{"kRows", static_cast<uint32_t>(rows)}};
+    int64_t invocations = vertices * H;
+    const char* kernel = "mesh/graph_panels.gather";
+    if (loadsPairs(graph.device()) && H == w.row) {
+        int64_t columns = 16;
+        while (H % columns != 0) columns -= 4;
+        spec["kColumns"] = static_cast<uint32_t>(columns);
+        invocations = (vertices + 1) / 2 * (H / columns);
+        kernel = "mesh/graph_panels_pairs.gather";
+    }
+    graph.dispatch(kernel,
+                   {{"x", x},
                     {"neighbourBegin", adjacency.begin},
                     {"neighbours", adjacency.neighbours},
-                    {"y", y}},
-                   params, invocations, spec);
+                    {"panels", panels}},
+                   params, static_cast<uint64_t>(invocations), spec);
+    return panels;
+}
+
+// y[V,O] = weight0 x + bias0 + what the neighbours give. With a tail [V,3]: ReLU, and the tail and
+// zeros behind it, y[V,rowWithTail(O)].
+Tensor convolve(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency,
+                const GraphConvWeights& weights, const Tensor& tail) {
+    int64_t V = x.dim(0), O = weights.outputs, row = tail ? rowWithTail(O) : O;
+    CHECK(x.dim(1) == weights.row, "x {} fits weights for rows of {}", toString(x.shape),
+          weights.row);
+    auto vertices = static_cast<uint32_t>(V);
+    AggregateParams params{vertices, static_cast<uint32_t>(O), static_cast<uint32_t>(2 * O),
+                           static_cast<uint32_t>(row)};
+    bool relu = bool(tail);
+    Tensor y = graph.temporary({V, row});
+    Gemm product{.m = V,
+                 .n = O,
+                 .k = 2 * weights.halfColumns,
+                 .transB = true,
+                 .panelsA = true,
+                 .ldc = row,
+                 .relu = relu};
+    graph.beginOp("graph_conv", flops(product));
+    gemm(graph, graphPanels(graph, x, adjacency, weights), weights.wide, y, product);
     if (tail) graph.dispatch("mesh/tail.append", {{"tail", tail}, {"y", y}}, params, vertices);
-    std::vector<Tensor> inputs{z};
+    std::vector<Tensor> inputs{x, weights.weight, weights.bias};
     if (tail) inputs.push_back(tail);
     graph.differentiate(inputs, {y}, [=, &graph] {
         Tensor dy = graph.gradient(y);
         if (tail && graph.wantsGradient(tail))
             graph.dispatch("mesh/tail.backward",
                            {{"dy", dy}, {"dtail", graph.gradientTarget(tail)}}, params, vertices);
-        if (!graph.wantsGradient(z)) return;
-        Tensor dz = graph.gradientTarget(z);
+        // dz [V,2O]: what arrives at a vertex, and at its neighbours, for they are mutual.
+        Tensor dz = graph.temporary({V, 2 * O});
+        bool pairs = loadsPairs(graph.device()) && O % kPairColumns == 0 && row % 2 == 0;
+        uint64_t invocations = uint64_t{vertices} * uint64_t(pairs ? O / kPairColumns : O);
         graph.dispatch(pairs ? "mesh/aggregate_pairs.backward_own" : "mesh/aggregate.backward_own",
-                       {{"y", y}, {"dy", dy}, {"dz", dz}}, params, invocations, spec);
+                       {{"y", y}, {"dy", dy}, {"dz", dz}}, params, invocations, {{"kRelu", relu}});
         graph.dispatch(
             pairs ? "mesh/aggregate_pairs.backward_neighbours"
                   : "mesh/aggregate.backward_neighbours",
             {{"neighbourBegin", adjacency.begin}, {"neighbours", adjacency.neighbours}, {"dz", dz}},
             params, invocations);
+        if (graph.wantsGradient(x))
+            gemm(graph, dz, weights.weight, graph.gradientTarget(x),
+                 {.m = V, .n = weights.row, .k = 2 * O});
+        if (graph.wantsGradient(weights.weight))
+            gemm(graph, dz, x, graph.gradientTarget(weights.weight),
+                 {.m = 2 * O, .n = weights.row, .k = V, .transA = true});
+        if (graph.wantsGradient(weights.bias))
+            sumAxis(graph, dz, 1, V, 2 * O, graph.gradientTarget(weights.bias));
     });
     return y;
 }
@@ -197,18 +239,25 @@ GraphConvWeights graphConvWeights(Graph& graph, const Tensor& weight0, const Ten
     CHECK(row >= I, "rows of {} numbers have the weights' {} columns", row, I);
     CHECK(weight1.shape == weight0.shape && bias0.elements() == O && bias1.elements() == O,
           "both weights have the same shape {}", toString(weight0.shape));
+    GraphConvWeights w{.inputs = I, .outputs = O, .row = row};
+    // A column for the biases; x's own padding where there is some.
+    w.halfColumns = row > I && row % 4 == 0 ? row : (I + 1 + 3) / 4 * 4;
     StackParams params{static_cast<uint32_t>(O), static_cast<uint32_t>(I),
-                       static_cast<uint32_t>(row)};
-    Tensor weight = graph.temporary({2 * O, row}), bias = graph.temporary({2 * O});
+                       static_cast<uint32_t>(row), static_cast<uint32_t>(w.halfColumns)};
+    Tensor weight = w.weight = graph.temporary({2 * O, row});
+    Tensor bias = w.bias = graph.temporary({2 * O});
+    w.wide = graph.temporary({O, 2 * w.halfColumns});
     graph.beginOp("graph_conv.weights");
-    graph.dispatch("mesh/stack.forward",
+    graph.dispatch("mesh/stack.side_by_side",
                    {{"weight0", weight0},
                     {"bias0", bias0},
                     {"weight1", weight1},
                     {"bias1", bias1},
-                    {"weight", weight},
-                    {"bias", bias}},
-                   params, static_cast<uint64_t>(weight.elements()));
+                    {"wide", w.wide}},
+                   params, static_cast<uint64_t>(w.wide.elements()));
+    graph.dispatch("mesh/stack.forward",
+                   {{"weight0", weight0}, {"weight1", weight1}, {"weight", weight}}, params,
+                   static_cast<uint64_t>(weight.elements()));
     graph.differentiate({weight0, bias0, weight1, bias1}, {weight, bias}, [=, &graph] {
         auto target = [&](const Tensor& input) {
             return graph.wantsGradient(input) ? graph.gradientTarget(input)
@@ -223,19 +272,17 @@ GraphConvWeights graphConvWeights(Graph& graph, const Tensor& weight0, const Ten
                         {"dbias1", target(bias1)}},
                        params, static_cast<uint64_t>(O * I));
     });
-    return {weight, bias};
+    return w;
 }
 
 Tensor graphConv(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency,
                  const GraphConvWeights& weights) {
-    Tensor z = linear(graph, x, weights.weight, weights.bias);
-    return aggregate(graph, z, adjacency, {}, false);
+    return convolve(graph, x, adjacency, weights, {});
 }
 
 Tensor graphConvLayer(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency,
                       const GraphConvWeights& weights, const Tensor& tail) {
-    Tensor z = linear(graph, x, weights.weight, weights.bias);
-    return aggregate(graph, z, adjacency, tail, true);
+    return convolve(graph, x, adjacency, weights, tail);
 }
 
 Tensor withTail(Graph& graph, const Tensor& x, int64_t columns, const Tensor& tail) {

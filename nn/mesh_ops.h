@@ -24,13 +24,17 @@ Tensor normalConsistencyLoss(Graph& graph, const Tensor& verts, const MeshTensor
 // Gradients to verts and to offset, zero where |offset| >= limit.
 Tensor offsetClamp(Graph& graph, const Tensor& verts, const Tensor& offset, const Tensor& limit);
 
-// Of a graph convolution, both products one above the other: weight [2O,row], bias [2O].
+// Of a graph convolution whose x has rows of `row` numbers, made once and used by any number of
+// convolutions.
 struct GraphConvWeights {
-    Tensor weight, bias;
+    int64_t inputs = 0, outputs = 0, row = 0;  // I, O
+    int64_t halfColumns = 0;                   // H, see shaders/mesh/graph_panels.comp
+    Tensor wide;    // [O,2H] for the product: [weight0, bias0, zeros, weight1, bias1, zeros]
+    Tensor weight;  // [2O,row] for the gradients: weight0 above weight1, zeros behind
+    Tensor bias;    // [2O] stands for the biases' gradient
 };
 // From weight0, weight1 [O,I], bias0, bias1 [O], for x with rows of `row` numbers, I or more; the
-// columns of x behind I are left out. Gradients to the four. Made once, used by any number of
-// convolutions.
+// columns of x behind I are left out. Gradients to the four.
 GraphConvWeights graphConvWeights(Graph& graph, const Tensor& weight0, const Tensor& bias0,
                                   const Tensor& weight1, const Tensor& bias1, int64_t row);
 

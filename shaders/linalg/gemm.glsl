@@ -1,4 +1,4 @@
-// C = op(A) op(B) (+ bias) (+ C). A workgroup makes a tile of kRows rows; each lane sums
+// C = op(A) op(B) (+ bias) (+ C), or the positive part of it. A workgroup makes a tile of kRows rows; each lane sums
 // 2 kPairs columns of it in registers: columns 2 (lane + lanes j) and the next, for j < kPairs.
 //
 // Two builds. With PAIRS = 0 every lane reads the values of A that it needs (a GPU's cache
@@ -39,6 +39,7 @@ layout(constant_id = 7) const bool kEvenA = false;
 layout(constant_id = 8) const bool kEvenB = false;
 layout(constant_id = 9) const bool kEvenC = false;
 layout(constant_id = 10) const uint kLanes = 8;
+layout(constant_id = 11) const bool kRelu = false;
 
 // Steps of k in the loop's body: a loop's sums pass through masks on lavapipe at every turn.
 #if PAIRS
@@ -184,12 +185,15 @@ void gemmTile() {
 #if PAIRS
                 if (kEvenC) {
                     if (kAccumulate) v += unpackPair(cPairs.d[at / 2]);
+                    if (kRelu) v = max(v, vec2(0));
                     cPairs.d[at / 2] = packUint2x32(floatBitsToUint(v));
                     continue;
                 }
 #endif
-                c.d[at] = kAccumulate ? c.d[at] + v.x : v.x;
-                if (both) c.d[at + 1] = kAccumulate ? c.d[at + 1] + v.y : v.y;
+                if (kAccumulate) v += vec2(c.d[at], both ? c.d[at + 1] : 0);
+                if (kRelu) v = max(v, vec2(0));
+                c.d[at] = v.x;
+                if (both) c.d[at + 1] = v.y;
             }
         }
     }

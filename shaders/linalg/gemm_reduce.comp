@@ -9,6 +9,7 @@ BUFFER(2, readonly, float, bias);     // [n] or [m]
 
 layout(constant_id = 1) const bool kAccumulate = false;
 layout(constant_id = 2) const uint kBias = 0;  // 1: one per column, 2: one per row
+layout(constant_id = 3) const bool kRelu = false;
 
 // The parts in order: the same bits every run.
 ENTRY(sum) {
@@ -20,5 +21,6 @@ ENTRY(sum) {
     for (uint p = 0; p < params.parts; ++p) total += partial.d[p * params.elements + i];
     if (kBias == 1) total += bias.d[column];
     if (kBias == 2) total += bias.d[row];
-    c.d[at] = kAccumulate ? c.d[at] + total : total;
+    if (kAccumulate) total += c.d[at];
+    c.d[at] = kRelu ? max(total, 0) : total;
 }

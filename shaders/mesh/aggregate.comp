@@ -13,17 +13,6 @@ BUFFER(5, readwrite, float, dz);          // [V,2O]
 layout(constant_id = 1) const bool kRelu = false;
 
 // One invocation per vertex and column.
-ENTRY(forward) {
-    uint i = linearIndex();
-    if (i >= params.vertices * params.outputs) return;
-    uint v = i / params.outputs, column = i % params.outputs;
-    float sum = z.d[v * params.xRow + column];
-    int end = neighbourBegin.d[v + 1];
-    for (int n = neighbourBegin.d[v]; n < end; ++n)
-        sum += z.d[neighbours.d[n] * params.xRow + params.outputs + column];
-    y.d[v * params.row + column] = kRelu ? max(sum, 0) : sum;
-}
-
 ENTRY(backward_own) {
     uint i = linearIndex();
     if (i >= params.vertices * params.outputs) return;

@@ -21,23 +21,6 @@ const uint kPairs = kPairColumns / 2;
 vec2 unpackPair(uint64_t pair) { return uintBitsToFloat(unpackUint2x32(pair)); }
 uint64_t packPair(vec2 pair) { return packUint2x32(floatBitsToUint(pair)); }
 
-ENTRY(forward) {
-    uint i = linearIndex(), pieces = params.outputs / kPairColumns;
-    if (i >= params.vertices * pieces) return;
-    uint v = i / pieces, column = i % pieces * kPairs;
-    uint zRow = params.xRow / 2, at = v * zRow + column;
-    vec2 sum[kPairs];
-    [[unroll]] for (uint k = 0; k < kPairs; ++k) sum[k] = unpackPair(z.d[at + k]);
-    int end = neighbourBegin.d[v + 1];
-    for (int n = neighbourBegin.d[v]; n < end; ++n) {
-        at = neighbours.d[n] * zRow + params.outputs / 2 + column;
-        [[unroll]] for (uint k = 0; k < kPairs; ++k) sum[k] += unpackPair(z.d[at + k]);
-    }
-    at = v * (params.row / 2) + column;
-    [[unroll]] for (uint k = 0; k < kPairs; ++k)
-        y.d[at + k] = packPair(kRelu ? max(sum[k], vec2(0)) : sum[k]);
-}
-
 ENTRY(backward_own) {
     uint i = linearIndex(), pieces = params.outputs / kPairColumns;
     if (i >= params.vertices * pieces) return;

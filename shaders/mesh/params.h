@@ -15,6 +15,13 @@ struct AggregateParams {
 struct StackParams {
     uint outputs, inputs;  // O, I
     uint row;              // inputs and the columns of zeros behind them
+    uint halfColumns;            // H; see graph_panels.comp
+};
+struct GraphPanelsParams {
+    uint vertices;
+    uint inputs;  // I, numbers of a vertex that count
+    uint row;     // numbers from one row of x to the next, I or more
+    uint halfColumns;  // H: columns for the vertex itself, and as many for its neighbours
 };
 SHARED_END
 #ifdef __cplusplus

@@ -8,13 +8,29 @@ BUFFER(1, readonly, float, bias0);      // [O]
 BUFFER(2, readonly, float, weight1);    // [O,I]
 BUFFER(3, readonly, float, bias1);      // [O]
 BUFFER(4, writeonly, float, weight);    // [2O,row] one above the other, zeros behind
-BUFFER(5, writeonly, float, bias);      // [2O]
+BUFFER(5, writeonly, float, wide);      // [O,2H] side by side; see graph_panels.comp
 BUFFER(6, readonly, float, dweight);    // [2O,row]
 BUFFER(7, readonly, float, dbias);      // [2O]
 BUFFER(8, writeonly, float, dweight0);  // [O,I]
 BUFFER(9, writeonly, float, dbias0);    // [O]
 BUFFER(10, writeonly, float, dweight1); // [O,I]
 BUFFER(11, writeonly, float, dbias1);   // [O]
+
+ENTRY(side_by_side) {
+    uint i = linearIndex(), H = params.halfColumns;
+    if (i >= 2 * params.outputs * H) return;
+    uint feature = i / (2 * H), column = i % (2 * H);
+    bool second = column >= H;
+    if (second) column -= H;
+    float value = 0;
+    if (column < params.inputs) {
+        uint at = feature * params.inputs + column;
+        value = second ? weight1.d[at] : weight0.d[at];
+    } else if (column == params.inputs) {
+        value = second ? bias1.d[feature] : bias0.d[feature];
+    }
+    wide.d[i] = value;
+}
 
 ENTRY(forward) {
     uint i = linearIndex();
@@ -26,7 +42,6 @@ ENTRY(forward) {
     float value = 0;
     if (column < params.inputs) value = second ? weight1.d[at] : weight0.d[at];
     weight.d[i] = value;
-    if (column == 0) bias.d[i / params.row] = second ? bias1.d[feature] : bias0.d[feature];
 }
 
 ENTRY(backward) {
