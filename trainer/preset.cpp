@@ -159,6 +159,8 @@ Preset presetByName(std::string_view name) {
     preset.refine.balanceHeadings = true;
     preset.refine.region = "intersection";
     preset.refine.batch = 1;
+    preset.refine.lr = 2e-3;
+    preset.refine.lrDiscriminator = 2e-4;
     if (name == "small") {
         preset.mesh.hidden = 64;
         preset.mesh.deviation = .02;
@@ -190,7 +192,7 @@ Preset presetByName(std::string_view name) {
         preset.refine.discriminatorWidth = 8;
         preset.refine.faceSize = 40;
         preset.refine.dropout = 0;
-        preset.refine.steps = 150;
+        preset.refine.steps = 120;
         return preset;
     }
     throwInput("--preset: expected one of {}, found \"{}\"", fmt::join(presetNames(), ", "), name);
