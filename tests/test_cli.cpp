@@ -111,6 +111,16 @@ TEST(CommandLine, FillsOptions) {
                   .render.background,
               "#00ff7F");
     EXPECT_TRUE(run({"eval", "a", "c", "--fit-test-poses", "--json"}).eval.fitTestPoses);
+    const Outcome eval = run({"eval", "a", "c", "--lpips", "vgg.pth,heads.pth", "--lpips-net", "vgg",
+                              "--fvd", "i3d.pt", "--scene", "median", "--out", "tables"});
+    EXPECT_EQ(eval.status, 0) << eval.err;
+    EXPECT_EQ(eval.eval.measures.lpips,
+              (std::vector<std::filesystem::path>{"vgg.pth", "heads.pth"}));
+    EXPECT_EQ(eval.eval.measures.lpipsNet, "vgg");
+    EXPECT_EQ(eval.eval.measures.fvd, "i3d.pt");
+    EXPECT_EQ(eval.eval.scene, "median");
+    EXPECT_EQ(eval.eval.out, "tables");
+    EXPECT_EQ(run({"eval", "a", "c"}).eval.scene, "frame");
     EXPECT_TRUE(run({"devices", "--json"}).common.json);
     EXPECT_EQ(run({"bench"}).called, "bench");
 }

@@ -297,6 +297,7 @@ Cameras readCameras(const fs::path& path, size_t frames) {
 struct Notes {
     std::string name;
     double fps = 30;
+    std::string actor, motion;
     std::vector<std::string> frames;  // empty: not listed
     std::string scheme;
     std::map<std::string, std::string> source;
@@ -327,9 +328,12 @@ Notes readNotes(const fs::path& folder) {
         throwInput("{}: line {}: not TOML: {}", file, problem.source().begin.line,
                    problem.description());
     }
-    if (const auto* node = table.get("name")) {
-        if (!node->is_string()) throwInput("{}: name: expected a text", file);
-        notes.name = **node->as_string();
+    for (const auto& [key, text] :
+         {std::pair{"name", &notes.name}, {"actor", &notes.actor}, {"motion", &notes.motion}}) {
+        const auto* node = table.get(key);
+        if (node == nullptr) continue;
+        if (!node->is_string()) throwInput("{}: {}: expected a text", file, key);
+        *text = **node->as_string();
     }
     if (const auto* node = table.get("fps")) {
         const auto fps = node->value<double>();
@@ -527,6 +531,8 @@ Capture Capture::subset(std::span<const size_t> indices) const {
     Capture part;
     part.folder = folder;
     part.name = name;
+    part.actor = actor;
+    part.motion = motion;
     part.fps = fps;
     part.betas = betas;
     part.source = source;
@@ -568,6 +574,8 @@ Capture readCapture(const fs::path& folder) {
     Capture capture;
     capture.folder = folder;
     capture.name = notes.name;
+    capture.actor = notes.actor;
+    capture.motion = notes.motion;
     capture.fps = notes.fps;
     capture.source = notes.source;
     capture.sourceBetas = notes.sourceBetas;
@@ -946,11 +954,12 @@ Capture CaptureWriter::commit(const Capture& capture) {
     cameras.set("extrinsic", Array::f64({4, 4}, identity));
     writeNpz(folder / "cameras.npz", cameras, false);
 
-    writeNpz(folder / "poses.npz", posesArrays(capture.theta, capture.trans, capture.betas),
-             false);
+    writeNpz(folder / "poses.npz", posesArrays(capture.theta, capture.trans, capture.betas), false);
 
     toml::table notes;
     notes.insert("name", capture.name);
+    if (!capture.actor.empty()) notes.insert("actor", capture.actor);
+    if (!capture.motion.empty()) notes.insert("motion", capture.motion);
     notes.insert("fps", capture.fps);
     toml::array names;
     for (const Frame& frame : capture.frames) names.push_back(frame.name);

@@ -8,9 +8,9 @@
 //                              identity), height, width (0-d or [F])
 //     poses.npz                betas [10], global_orient [F,3], body_pose [F,69], transl [F,3]
 //     keypoints.npy            optional: [F,K,3], u, v in pixels and confidence
-//     capture.toml             optional: name, fps, frames (the names in order), [keypoints]
-//     scheme,
-//                              [source] how it was made
+//     capture.toml             optional: name, actor and motion (of a capture in a collection, see
+//                              findCaptures), fps, frames (the names in order), [keypoints]
+//                              scheme, [source] how it was made
 //
 // Without capture.toml the frames are the files of images/ in the order of the numbers in their
 // names. In memory poses are always in camera space: an extrinsic is folded into them on reading.
@@ -73,6 +73,7 @@ std::span<const int> keypointJoints(std::string_view scheme);
 struct Capture {
     std::filesystem::path folder;
     std::string name;
+    std::string actor, motion;  // who is seen, doing what; empty: not said
     double fps = 30;
     std::vector<Frame> frames;
     Betas betas{};
@@ -115,8 +116,8 @@ struct Motion {
 // A capture's folder, or a poses.npz (betas may be missing there; a 0-d `fps` is believed).
 Motion readMotion(const std::filesystem::path& path);
 
-// The motion seen by the cameras of a cameras.npz (one for all frames, or one per frame), into whose
-// space its poses are moved; they are taken to be in that file's world.
+// The motion seen by the cameras of a cameras.npz (one for all frames, or one per frame), into
+// whose space its poses are moved; they are taken to be in that file's world.
 Motion throughCameras(Motion motion, const std::filesystem::path& cameras);
 
 // Frame numbers, ascending and each once: "a:b" (from a up to but not b), "a:", ":b", "a:b:step",

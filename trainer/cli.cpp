@@ -85,6 +85,22 @@ void addTexture(CLI::App& command, std::string& texture) {
         ->capture_default_str();
 }
 
+void addMeasures(CLI::App& command, MeasureOptions& measures) {
+    command
+        .add_option(
+            "--lpips", measures.lpips,
+            "Weights for LPIPS, .safetensors or .pth: torchvision's network and LPIPS 0.1's "
+            "heads, in two files or one")
+        ->delimiter(',')
+        ->type_name("FILE[,FILE]");
+    command.add_option("--lpips-net", measures.lpipsNet, "Their network: alex, vgg or squeeze")
+        ->capture_default_str();
+    command
+        .add_option("--fvd", measures.fvd,
+                    "Weights of Inception-3D (RGB, Kinetics) for FVD, .safetensors or .pt")
+        ->type_name("FILE");
+}
+
 // A TOML value as the words that a flag would be given.
 std::vector<std::string> wordsOf(const toml::node& node, const std::string& where) {
     if (const auto* list = node.as_array()) {
@@ -357,14 +373,30 @@ struct CommandLine {
     }
 
     void addEval() {
-        CLI::App& c = add("eval", "Compare the avatar with the frames of a capture",
-                          "doppel eval avatar capture --frames 90:120 --fit-test-poses --json");
-        c.add_option("AVATAR", eval.avatar, "Avatar's folder")->required();
-        c.add_option("CAPTURE", eval.capture, "Capture with masks")->required();
+        CLI::App& c = add("eval", "Compare the avatar with the frames of a capture, or of many",
+                          "doppel eval avatar capture --frames 90:120 --fit-test-poses --json\n"
+                          "  doppel eval avatars captures --out results");
+        c.description(
+            "Draws the avatar in each frame's pose over the frame's background, and compares it "
+            "with\nthe whole frame. Of a folder of captures, FOLDER/ACTOR/MOTION (actor and motion "
+            "in\ncapture.toml win over the folders' names), it prints the paper's tables: by "
+            "motion, by\nactor, on average, beside the paper's own figures; AVATAR is then one "
+            "avatar for all, or a\nfolder of them, AVATAR/ACTOR.");
+        c.add_option("AVATAR", eval.avatar, "Avatar's folder, or a folder of avatars by actor")
+            ->required();
+        c.add_option("CAPTURE", eval.capture, "Capture with masks, or a folder of captures")
+            ->required();
         addFrames(c, eval.frames, "Frames to compare");
         addTexture(c, eval.texture);
         c.add_flag("--fit-test-poses", eval.fitTestPoses,
                    "Fit poses and positions (not shape) to these frames first");
+        c.add_option(
+             "--scene", eval.scene,
+             "frame: the frame's own pixels away from the mask, the median over time on it; "
+             "median: that everywhere; or a picture of the empty scene")
+            ->capture_default_str();
+        addMeasures(c, eval.measures);
+        c.add_option("--out", eval.out, "Folder for results.json, results.csv and results.md");
         c.add_option("--pictures", eval.pictures,
                      "Folder for render, frame and difference side by side");
     }

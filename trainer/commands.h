@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "trainer/measures.h"
 #include "trainer/preset.h"
 
 namespace doppel {
@@ -70,11 +71,14 @@ struct RenderOptions {
 
 struct EvalOptions {
     CommonOptions common;
-    std::filesystem::path avatar, capture;
+    std::filesystem::path avatar, capture;  // one of each, or folders of them: see findCaptures
     std::string frames;
     std::string texture = "best";  // a word of textureKind()
     bool fitTestPoses = false;
     std::filesystem::path pictures;  // a folder for render, frame and error side by side; empty: no
+    std::filesystem::path out;       // a folder for tables; empty: none
+    std::string scene = "frame";     // see EvaluateSettings::background
+    MeasureOptions measures;
 };
 
 struct ExportOptions {

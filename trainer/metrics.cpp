@@ -128,8 +128,18 @@ FrameMetrics measureFrame(std::string name, std::span<const float> rendered,
             whole.mse};
 }
 
+double meanDifference(std::span<const float> a, std::span<const float> b) {
+    CHECK(a.size() == b.size(), "pictures have the same size, not {} and {}", a.size(), b.size());
+    double sum = 0;
+    for (size_t i = 0; i < a.size(); ++i) sum += std::abs(double(a[i]) - double(b[i]));
+    return a.empty() ? 0 : 255 * sum / double(a.size());
+}
+
 FrameMetrics meanMetrics(std::span<const FrameMetrics> frames) {
     FrameMetrics mean{.name = "mean"};
+    if (!frames.empty() &&
+        std::ranges::all_of(frames, [](const FrameMetrics& f) { return f.lpips.has_value(); }))
+        mean.lpips = 0;
     const double n = std::max<double>(1, double(frames.size()));
     for (const FrameMetrics& f : frames) {
         mean.iou += f.iou / n;
@@ -138,24 +148,29 @@ FrameMetrics meanMetrics(std::span<const FrameMetrics> frames) {
         mean.ssimBody += f.ssimBody / n;
         mean.ssimFrame += f.ssimFrame / n;
         mean.mseFrame += f.mseFrame / n;
+        if (mean.lpips) *mean.lpips += *f.lpips / n;
     }
     return mean;
 }
 
 std::string metricsJson(std::span<const FrameMetrics> frames,
                         const std::vector<std::pair<std::string, std::string>>& settings,
-                        bool perFrame) {
+                        bool perFrame,
+                        const std::vector<std::pair<std::string, std::optional<double>>>& more) {
     using Json = nlohmann::ordered_json;
     const auto object = [](const FrameMetrics& m) {
-        return Json{{"iou", m.iou},
-                    {"psnr_body", m.psnrBody},
-                    {"psnr_frame", m.psnrFrame},
-                    {"ssim_body", m.ssimBody},
-                    {"ssim_frame", m.ssimFrame},
-                    {"mse_frame", m.mseFrame}};
+        Json json{{"iou", m.iou},
+                  {"psnr_body", m.psnrBody},
+                  {"psnr_frame", m.psnrFrame},
+                  {"ssim_body", m.ssimBody},
+                  {"ssim_frame", m.ssimFrame},
+                  {"mse_frame", m.mseFrame}};
+        if (m.lpips) json["lpips"] = *m.lpips;
+        return json;
     };
     Json json{{"frames", frames.size()}};
     json.update(object(meanMetrics(frames)));
+    for (const auto& [name, value] : more) json[name] = value ? Json(*value) : Json();
     Json& all = json["settings"] = Json::object();
     for (const auto& [name, value] : settings) all[name] = value;
     if (perFrame) {

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -35,6 +36,7 @@ std::vector<double> ssimMap(std::span<const float> a, std::span<const float> b, 
 struct FrameMetrics {
     std::string name;
     double iou = 0, psnrBody = 0, psnrFrame = 0, ssimBody = 0, ssimFrame = 0, mseFrame = 0;
+    std::optional<double> lpips;  // of the whole frame; nothing where it was not asked for
 };
 
 // rendered and frame: [H][W][3], the render composited on the capture's background. silhouette and
@@ -43,13 +45,18 @@ FrameMetrics measureFrame(std::string name, std::span<const float> rendered,
                           std::span<const float> frame, std::span<const uint8_t> silhouette,
                           std::span<const uint8_t> mask, int width, int height);
 
-// Means over the frames.
+// Mean |a - b| over pixels and channels, in 8-bit units. a, b: of the same size, in [0,1].
+double meanDifference(std::span<const float> a, std::span<const float> b);
+
+// Means over the frames; LPIPS where every frame has it.
 FrameMetrics meanMetrics(std::span<const FrameMetrics> frames);
 
 // One object: frames (their number), iou, psnr_body, psnr_frame, ssim_body, ssim_frame, mse_frame,
-// settings (the given pairs in order), per_frame where asked for.
-std::string metricsJson(std::span<const FrameMetrics> frames,
-                        const std::vector<std::pair<std::string, std::string>>& settings,
-                        bool perFrame = false);
+// lpips where it was measured, `more` (null where there is no figure), settings (the given pairs in
+// order), per_frame where asked for.
+std::string metricsJson(
+    std::span<const FrameMetrics> frames,
+    const std::vector<std::pair<std::string, std::string>>& settings, bool perFrame = false,
+    const std::vector<std::pair<std::string, std::optional<double>>>& more = {});
 
 }  // namespace doppel

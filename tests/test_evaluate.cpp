@@ -1,0 +1,133 @@
+// The evaluation protocol on the synthetic actor, shown by herself: an avatar with the actor's own
+// body and texture, so that right figures are known.
+#include "trainer/evaluate.h"
+
+#include <gtest/gtest.h>
+
+#include "engine/io/image.h"
+#include "tests/files.h"
+#include "tests/op_test.h"
+#include "trainer/commands.h"
+#include "trainer/synthetic.h"
+
+namespace doppel {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kSize = 96;
+
+class Evaluate : public ::testing::Test {
+protected:
+    static void SetUpTestSuite() {
+        folder_ = std::make_unique<test::Folder>();
+        Actor actor = readActor(assetFolder() / "actor", "woman");
+        SyntheticOptions options;
+        options.size = kSize;
+        options.poseNoiseDegrees = options.transNoiseMetres = 0;
+        capture_ = renderActor(testDevice(), actor, actorSession(4, 0, kActorDistance),
+                               folder_->path() / "capture", options);
+        avatar_.body = actor.body;
+        avatar_.texture = actor.texture;
+        avatar_.textureSize = actor.textureSize;
+        avatar_.preset = presetByName("ci");
+    }
+    static void TearDownTestSuite() { folder_.reset(); }
+    static std::unique_ptr<test::Folder> folder_;
+    static Capture capture_;
+    static Avatar avatar_;
+};
+std::unique_ptr<test::Folder> Evaluate::folder_;
+Capture Evaluate::capture_;
+Avatar Evaluate::avatar_;
+
+TEST_F(Evaluate, ThePersonHerselfIsNearlyPerfect) {
+    Evaluation e = evaluateCapture(testDevice(), avatar_, capture_);
+    FrameMetrics mean = meanMetrics(e.frames);
+    ASSERT_EQ(e.frames.size(), 4u);
+    EXPECT_GT(mean.iou, .97);
+    EXPECT_GT(mean.ssimFrame, .98);
+    EXPECT_LT(mean.mseFrame, 10);
+    EXPECT_FALSE(mean.lpips);
+    // She turns by a quarter from frame to frame, in the renders as in the frames.
+    EXPECT_GT(e.changeOfFrames, 1);
+    EXPECT_NEAR(e.change, e.changeOfFrames, .1 * e.changeOfFrames);
+    EXPECT_EQ(e.changeHeldStill, 0);
+    // The whole frame is compared: a face painted over costs.
+    Avatar other = avatar_;
+    std::fill(other.texture.begin(), other.texture.end(), 0.f);
+    EXPECT_GT(meanMetrics(evaluateCapture(testDevice(), other, capture_).frames).mseFrame,
+              10 * mean.mseFrame);
+}
+
+TEST_F(Evaluate, AHeldPoseDoesNotFlicker) {
+    Capture still = capture_;
+    for (size_t i = 1; i < still.size(); ++i) {
+        still.theta[i] = still.theta[0];
+        still.trans[i] = still.trans[0];
+    }
+    Evaluation e = evaluateCapture(testDevice(), avatar_, still);
+    EXPECT_EQ(e.change, 0);
+    EXPECT_EQ(e.changeHeldStill, 0);
+    EXPECT_GT(e.changeOfFrames, 1);
+}
+
+TEST_F(Evaluate, Scenes) {
+    const double frame =
+        meanMetrics(evaluateCapture(testDevice(), avatar_, capture_).frames).mseFrame;
+    const double median =
+        meanMetrics(
+            evaluateCapture(testDevice(), avatar_, capture_, {.background = "median"}).frames)
+            .mseFrame;
+    // The studio wall does not move, but its noise, if any, is no longer the frame's own.
+    EXPECT_GE(median, frame);
+    EXPECT_LT(median, 20);
+    fs::path black = folder_->path() / "black.png", small = folder_->path() / "small.png";
+    writeImage(black, Image(kSize, kSize, 3, 0));
+    writeImage(small, Image(kSize, 8, 3, 0));
+    EXPECT_GT(
+        meanMetrics(
+            evaluateCapture(testDevice(), avatar_, capture_, {.background = black.string()}).frames)
+            .mseFrame,
+        500);
+    expectInputError(
+        [&] { evaluateCapture(testDevice(), avatar_, capture_, {.background = small.string()}); },
+        "small.png: expected a picture of 96×96 pixels, as the frames have, found 96×8");
+    expectInputError(
+        [&] { evaluateCapture(testDevice(), avatar_, capture_, {.background = "gone.png"}); },
+        "gone.png");
+}
+
+TEST_F(Evaluate, WithLpips) {
+    // Weights of one: any network will do.
+    Safetensors file;
+    file.file = "ones";
+    Graph graph(testDevice());
+    lpipsFeatures(graph, LpipsNet::squeeze, graph.input({1, 3, 64, 64}),
+                  [&](const std::string& name, const Shape& shape) {
+                      auto count = size_t(elementCount(shape));
+                      float value = shape.size() > 1 ? float(shape[0]) / float(count) : 0.1f;
+                      file.tensors[name] = {shape, std::vector<float>(count, value)};
+                      return graph.input(shape);
+                  });
+    for (size_t i = 0; i < lpipsChannels(LpipsNet::squeeze).size(); ++i) {
+        int64_t channels = lpipsChannels(LpipsNet::squeeze)[i];
+        std::vector<float> values(size_t(channels), 1.f);
+        file.tensors[fmt::format("lin{}.model.1.weight", i)] = {{1, channels, 1, 1}, values};
+    }
+    // A channel that tells more than brightness.
+    auto& first = file.tensors["features.0.weight"].values;
+    for (size_t i = 0; i < first.size(); i += 2) first[i] = -first[i];
+    Lpips lpips(testDevice(), LpipsNet::squeeze, {file});
+    Evaluation e = evaluateCapture(testDevice(), avatar_, capture_, {.lpips = &lpips});
+    FrameMetrics mean = meanMetrics(e.frames);
+    ASSERT_TRUE(mean.lpips);
+    Avatar other = avatar_;
+    std::fill(other.texture.begin(), other.texture.end(), 0.f);
+    EXPECT_GT(*meanMetrics(evaluateCapture(testDevice(), other, capture_, {.lpips = &lpips}).frames)
+                   .lpips,
+              *mean.lpips);
+}
+
+}  // namespace
+}  // namespace doppel
