@@ -29,6 +29,7 @@ struct Outcome {
     TrainOptions train;
     RenderOptions render;
     EvalOptions eval;
+    AblateOptions ablate;
     ExportOptions exporting;
     DemoOptions demo;
     CommonOptions common;
@@ -46,10 +47,11 @@ Outcome run(
         };
     };
     DevicesOptions devices;
-    const Commands commands{
-        keep("devices", devices),    keep("import", o.import), keep("fit", o.fit),
-        keep("train", o.train),      keep("render", o.render), keep("eval", o.eval),
-        keep("export", o.exporting), keep("demo", o.demo),     [&] { o.called = "bench"; }};
+    const Commands commands{keep("devices", devices), keep("import", o.import),
+                            keep("fit", o.fit),       keep("train", o.train),
+                            keep("render", o.render), keep("eval", o.eval),
+                            keep("ablate", o.ablate), keep("export", o.exporting),
+                            keep("demo", o.demo),     [&] { o.called = "bench"; }};
     std::ostringstream out, err;
     o.status = runCommandLine(arguments, commands, out, err);
     o.out = out.str();
@@ -111,8 +113,8 @@ TEST(CommandLine, FillsOptions) {
                   .render.background,
               "#00ff7F");
     EXPECT_TRUE(run({"eval", "a", "c", "--fit-test-poses", "--json"}).eval.fitTestPoses);
-    const Outcome eval = run({"eval", "a", "c", "--lpips", "vgg.pth,heads.pth", "--lpips-net", "vgg",
-                              "--fvd", "i3d.pt", "--scene", "median", "--out", "tables"});
+    const Outcome eval = run({"eval", "a", "c", "--lpips", "vgg.pth,heads.pth", "--lpips-net",
+                              "vgg", "--fvd", "i3d.pt", "--scene", "median", "--out", "tables"});
     EXPECT_EQ(eval.status, 0) << eval.err;
     EXPECT_EQ(eval.eval.measures.lpips,
               (std::vector<std::filesystem::path>{"vgg.pth", "heads.pth"}));
@@ -121,6 +123,16 @@ TEST(CommandLine, FillsOptions) {
     EXPECT_EQ(eval.eval.scene, "median");
     EXPECT_EQ(eval.eval.out, "tables");
     EXPECT_EQ(run({"eval", "a", "c"}).eval.scene, "frame");
+    const Outcome ablate = run({"ablate", "c", "--out", "d", "--frames", "0:90", "--test-frames",
+                                "90:120", "--fit-test-poses", "--variants", "complete,no-gan",
+                                "--preset", "ci", "--set", "refine.steps=3"});
+    EXPECT_EQ(ablate.status, 0) << ablate.err;
+    EXPECT_EQ(ablate.called, "ablate");
+    EXPECT_EQ(ablate.ablate.testFrames, "90:120");
+    EXPECT_TRUE(ablate.ablate.fitTestPoses);
+    EXPECT_EQ(ablate.ablate.variants, (std::vector<std::string>{"complete", "no-gan"}));
+    EXPECT_EQ(ablate.ablate.preset.name, "ci");
+    EXPECT_EQ(ablate.ablate.preset.refine.steps, 3);
     EXPECT_TRUE(run({"devices", "--json"}).common.json);
     EXPECT_EQ(run({"bench"}).called, "bench");
 }
@@ -222,8 +234,8 @@ TEST(CommandLine, ExitStatusSaysWhoseFaultItIs) {
 TEST(CommandLine, HelpShowsAnExample) {
     const Outcome all = run({"--help"});
     EXPECT_EQ(all.status, 0);
-    for (const char* command :
-         {"devices", "import", "fit", "train", "render", "eval", "export", "demo", "bench"}) {
+    for (const char* command : {"devices", "import", "fit", "train", "render", "eval", "ablate",
+                                "export", "demo", "bench"}) {
         EXPECT_NE(all.out.find(command), std::string::npos) << command;
         const Outcome one = run({command, "--help"});
         EXPECT_EQ(one.status, 0);

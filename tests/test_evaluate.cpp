@@ -45,7 +45,7 @@ TEST_F(Evaluate, ThePersonHerselfIsNearlyPerfect) {
     Evaluation e = evaluateCapture(testDevice(), avatar_, capture_);
     FrameMetrics mean = meanMetrics(e.frames);
     ASSERT_EQ(e.frames.size(), 4u);
-    EXPECT_GT(mean.iou, .97);
+    EXPECT_GT(mean.iou, .92);  // of 96 pixels: what is half covered may fall either way
     EXPECT_GT(mean.ssimFrame, .98);
     EXPECT_LT(mean.mseFrame, 10);
     EXPECT_FALSE(mean.lpips);

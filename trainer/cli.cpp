@@ -85,6 +85,14 @@ void addTexture(CLI::App& command, std::string& texture) {
         ->capture_default_str();
 }
 
+void addScene(CLI::App& command, std::string& scene) {
+    command
+        .add_option("--scene", scene,
+                    "frame: the frame's own pixels away from the mask, the median over time on it; "
+                    "median: that everywhere; or a picture of the empty scene")
+        ->capture_default_str();
+}
+
 void addMeasures(CLI::App& command, MeasureOptions& measures) {
     command
         .add_option(
@@ -239,6 +247,7 @@ struct CommandLine {
     TrainOptions train;
     RenderOptions render;
     EvalOptions eval;
+    AblateOptions ablate;
     ExportOptions exporting;
     DemoOptions demo;
 
@@ -260,6 +269,7 @@ struct CommandLine {
         addTrain();
         addRender();
         addEval();
+        addAblate();
         addExport();
         addDemo();
         add("bench", "Say where doppel-bench is, which measures the device", "doppel bench");
@@ -390,15 +400,42 @@ struct CommandLine {
         addTexture(c, eval.texture);
         c.add_flag("--fit-test-poses", eval.fitTestPoses,
                    "Fit poses and positions (not shape) to these frames first");
-        c.add_option(
-             "--scene", eval.scene,
-             "frame: the frame's own pixels away from the mask, the median over time on it; "
-             "median: that everywhere; or a picture of the empty scene")
-            ->capture_default_str();
+        addScene(c, eval.scene);
         addMeasures(c, eval.measures);
         c.add_option("--out", eval.out, "Folder for results.json, results.csv and results.md");
         c.add_option("--pictures", eval.pictures,
                      "Folder for render, frame and difference side by side");
+    }
+
+    void addAblate() {
+        CLI::App& c = add("ablate", "Train the paper's ablations on one capture and compare them",
+                          "doppel ablate capture --frames 0:90 --test-frames 90:120 "
+                          "--fit-test-poses --out ablation");
+        c.description(
+            "Trains the variants of the paper's ablation study and prints its table 2 with our "
+            "figures:\nno-refine (coarse texture), no-clamp (unbounded offsets), complete, and "
+            "no-gan, no-face\n(without discriminators, without the face's). What variants have in "
+            "common is trained once.\nThe same command goes on where it was stopped. Avatars and "
+            "ablation.json, .csv, .md are left\nin the folder.");
+        c.add_option("CAPTURE", ablate.capture, "Capture to read; it needs masks")->required();
+        c.add_option("--out", ablate.out, "Folder to write")->required();
+        addFrames(c, ablate.frames, "Frames to learn from");
+        c.add_option("--test-frames", ablate.testFrames,
+                     "Frames to measure on; without it, those of the training");
+        c.add_flag("--fit-test-poses", ablate.fitTestPoses,
+                   "Fit poses and positions (not shape) to the test frames first");
+        c.add_option("--variants", ablate.variants,
+                     "Some of no-refine,no-clamp,complete,no-gan,no-face")
+            ->delimiter(',');
+        addBody(c, ablate.body);
+        addPreset(c, shared["ablate"], "small");
+        addScene(c, ablate.scene);
+        addMeasures(c, ablate.measures);
+        c.add_option("--pictures", ablate.pictures,
+                     "Folder for render, frame and difference side by side");
+        c.add_option("--memory", ablate.memoryBudget,
+                     "Device memory to use at most (6GB, 512MB); default: what the device has")
+            ->transform(CLI::AsSizeValue(false));
     }
 
     void addExport() {
@@ -499,6 +536,7 @@ int runCommandLine(const std::vector<std::string>& arguments, const Commands& co
                 run(line.render, commands.render);
             }
             if (name == "eval") run(line.eval, commands.eval);
+            if (name == "ablate") run(line.ablate, commands.ablate);
             if (name == "export") {
                 if (line.exporting.out.extension() != ".glb") {
                     throwInput("--out: expected a name that ends in .glb, found \"{}\"",

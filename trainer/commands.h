@@ -81,6 +81,22 @@ struct EvalOptions {
     MeasureOptions measures;
 };
 
+struct AblateOptions {
+    CommonOptions common;
+    std::filesystem::path capture, out;
+    std::string body, frames, testFrames;  // testFrames: empty: those of the training
+    bool fitTestPoses = false;
+    std::vector<std::string> variants;  // some of ablationVariants(); empty: all
+    Preset preset;
+    std::filesystem::path pictures;  // as in EvalOptions, a folder per variant in it
+    std::string scene = "frame";
+    MeasureOptions measures;
+    uint64_t memoryBudget = 0;
+};
+
+// "no-refine", "no-clamp", "complete", "no-gan", "no-face".
+const std::vector<std::string>& ablationVariants();
+
 struct ExportOptions {
     CommonOptions common;
     std::filesystem::path avatar, out, motion;  // motion may be empty
@@ -100,6 +116,7 @@ void runFit(const FitOptions& options);
 void runTrain(const TrainOptions& options);
 void runRender(const RenderOptions& options);
 void runEval(const EvalOptions& options);
+void runAblate(const AblateOptions& options);
 void runExport(const ExportOptions& options);
 void runDemo(const DemoOptions& options);
 void runBench();

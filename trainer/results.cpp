@@ -22,10 +22,13 @@ bool isCapture(const fs::path& folder) {
     return fs::exists(folder / "poses.npz") && fs::is_directory(folder / "images");
 }
 
-std::string ownName(const fs::path& folder) {
+// Without "..", and without a slash at the end.
+fs::path plainPath(const fs::path& folder) {
     const fs::path absolute = fs::absolute(folder).lexically_normal();
-    return (absolute.has_filename() ? absolute : absolute.parent_path()).filename().string();
+    return absolute.has_filename() ? absolute : absolute.parent_path();
 }
+
+std::string ownName(const fs::path& folder) { return plainPath(folder).filename().string(); }
 
 void collect(const fs::path& folder, const std::string& parent, int depth,
              std::vector<CollectionEntry>& entries) {
@@ -109,7 +112,7 @@ std::vector<CollectionEntry> findCaptures(const fs::path& folder) {
         throwInput("{}: expected a capture or a folder of captures, found {}", folder.string(),
                    fs::exists(folder) ? "a file" : "nothing");
     std::vector<CollectionEntry> entries;
-    const std::string parent = ownName(fs::absolute(folder).lexically_normal().parent_path());
+    const std::string parent = ownName(plainPath(folder).parent_path());
     collect(folder, parent, 0, entries);
     if (entries.empty())
         throwInput(
