@@ -73,7 +73,7 @@ TEST(Ablate, VariantsAreWhatTrainingAloneMakes) {
     }
     EXPECT_EQ(names, (std::vector<std::string>{"no-refine", "no-clamp", "complete", "no-gan"}));
     EXPECT_EQ(json["rows"][2]["paper"]["ssim"], .868);
-    EXPECT_TRUE(json["rows"][3]["paper"].is_null());
+    EXPECT_FALSE(json["rows"][3].contains("paper"));
     EXPECT_EQ(json["settings"]["test_poses"], "as given");
     EXPECT_FALSE(bytesOf(folder / "out/ablation.md").empty());
 
