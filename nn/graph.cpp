@@ -145,6 +145,18 @@ void Graph::differentiate(std::vector<Tensor> inputs, std::vector<Tensor> output
     bool any = std::ranges::any_of(inputs, [&](const Tensor& t) { return t && wantsGradient(t); });
     if (!any) return;
     for (const Tensor& output : outputs) storages_[size_t(output.storage)].differentiable = true;
+    // Where an op counts its products, their two factors come first, and the gradient of each takes
+    // as many again; backward() has begun the op when this runs.
+    if (double flops = ops_.back().flops; flops > 0) {
+        auto factors = std::ranges::count_if(
+            inputs.begin(), inputs.begin() + std::min<std::ptrdiff_t>(2, std::ssize(inputs)),
+            [&](const Tensor& t) { return wantsGradient(t); });
+        backward = [this, total = static_cast<double>(factors) * flops,
+                    inner = std::move(backward)] {
+            ops_.back().flops = total;
+            inner();
+        };
+    }
     differentiables_.push_back(
         {ops_.back().name, std::move(inputs), std::move(outputs), std::move(backward)});
 }

@@ -4,6 +4,7 @@
 
 #include "linalg/params.h"
 #include "nn/op.h"
+#include "nn/tuning.h"
 
 namespace doppel {
 
@@ -35,11 +36,13 @@ bool runsOnCpu(const Device& device) {
 }
 
 Plan plan(const Device& device, const Gemm& g) {
+    const GemmTuning& tuning = gemmTuning(device);
     Plan p;
     p.onCpu = runsOnCpu(device);
+    p.rows = u32(gemmPanelRows(device, g.m));
+    if (!p.onCpu) p.pairs = tuning.pairs;
     if (p.onCpu) {
         p.lanes = device.info().subgroupSize;
-        p.rows = u32(gemmPanelRows(device, g.m));
         // Packing costs some five cycles per element, a product a quarter of one per element of A
         // and column. Odd rows cannot be read in pairs, so that they gain more.
         auto worth = [](int64_t uses, int64_t ld) { return uses >= (ld % 2 == 0 ? 256 : 64); };
@@ -52,9 +55,8 @@ Plan plan(const Device& device, const Gemm& g) {
         p.pairs = 1;
     // Long sums with few results are cut into parts, so that there is work for all cores.
     int64_t tiles = ceilDiv(g.m, p.rows) * ceilDiv(g.n, p.columns()) * g.batch;
-    bool cpu = device.info().cpu;
-    int64_t wanted = cpu ? 16 : 512, shortest = cpu ? 512 : 128;
-    p.parts = std::max<int64_t>(1, std::min(ceilDiv(wanted, tiles), g.k / shortest));
+    p.parts = std::max<int64_t>(
+        1, std::min(ceilDiv(tuning.tiles, tiles), g.k / tuning.shortestPart));
     p.kPart = std::max<int64_t>(kGemmUnroll, gemmPanelSteps(ceilDiv(g.k, p.parts)));
     p.parts = std::max<int64_t>(1, ceilDiv(g.k, p.kPart));
     return p;
@@ -95,12 +97,14 @@ Tensor pack(Graph& graph, const Source& s, int64_t steps, int64_t stepsInPanel, 
 int64_t gemmPanelSteps(int64_t k) { return ceilDiv(k, kGemmUnroll) * kGemmUnroll; }
 
 int64_t gemmPanelRows(const Device& device, int64_t m) {
-    if (!runsOnCpu(device)) return 8;
-    // Time per row of a tile as measured on lavapipe; a tile may reach over the last row.
-    constexpr std::pair<int64_t, double> kRowCosts[] = {{32, 1.0}, {16, 1.25}, {8, 2}};
+    const GemmTuning& tuning = gemmTuning(device);
+    if (!runsOnCpu(device)) return tuning.rows;
+    // A tile may reach over the last row.
+    const std::pair<int64_t, double> rowCosts[] = {{32, 1.0}, {16, tuning.cost16},
+                                                   {8, tuning.cost8}};
     double best = 0;
     int64_t chosen = 0;
-    for (auto [rows, cost] : kRowCosts) {
+    for (auto [rows, cost] : rowCosts) {
         double time = static_cast<double>(ceilDiv(m, rows) * rows) * cost;
         if (best == 0 || time < best) {
             best = time;
@@ -111,8 +115,9 @@ int64_t gemmPanelRows(const Device& device, int64_t m) {
 }
 
 int64_t gemmPanelWidth(const Device& device, int64_t n) {
-    int64_t lanes = runsOnCpu(device) ? device.info().subgroupSize : 32;
-    return n <= 2 * lanes ? 2 * lanes : 4 * lanes;
+    bool onCpu = runsOnCpu(device);
+    int64_t lanes = onCpu ? device.info().subgroupSize : 32;
+    return n <= 2 * lanes ? 2 * lanes : 2 * lanes * (onCpu ? 2 : gemmTuning(device).pairs);
 }
 
 void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const Gemm& shape) {

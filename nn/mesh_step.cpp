@@ -11,8 +11,7 @@ namespace doppel {
 
 MeshNetwork meshNetwork(Graph& graph, const BodyModel& body, const MeshNetConfig& config,
                         ClampBounds clamps, const Parameters& parameters) {
-    MeshTensors mesh =
-        meshTensors(graph, meshTopology(body.faces, body.vertexCount, body.file));
+    MeshTensors mesh = meshTensors(graph, meshTopology(body.faces, body.vertexCount, body.file));
     std::vector<float> bounds = clampBounds(body, clamps);
     Tensor limit = graph.constant(std::span<const float>(bounds), {body.vertexCount});
     std::vector<float> pose(72, 1.0f), zeros(3, 0.0f);

@@ -1,0 +1,30 @@
+// An avatar's frame in one graph: pose in, mesh, texture and picture out.
+#pragma once
+
+#include <array>
+
+#include "nn/mesh_step.h"
+#include "nn/texture_step.h"
+
+namespace doppel {
+
+struct InferenceConfig {
+    MeshNetConfig net;
+    ClampBounds clamps = ClampBounds::Paper;
+    int height = 512, width = 512;  // of the picture
+};
+
+struct Inference {
+    Graph graph;
+    Tensor theta, trans, camera;  // inputs: [72], [3], kCameraShape
+    // Outputs: camera space [V,3], m; [T,T,3]; [H,W,3], 0 where nothing is seen; [H,W].
+    Tensor verts, texture, image, mask;
+
+    // meshNet: as declared by addMeshNetParameters(); textureNet sees which side faces the camera.
+    // Both are allocated and outlive this.
+    Inference(Device& device, const BodyModel& body, const std::array<float, 10>& betas,
+              const Parameters& meshNet, const TextureUnet& textureNet,
+              const InferenceConfig& config, const CompileOptions& options = {});
+};
+
+}  // namespace doppel
