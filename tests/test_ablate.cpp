@@ -106,9 +106,11 @@ TEST(Ablate, VariantsAreWhatTrainingAloneMakes) {
     runAblate(options);
     EXPECT_EQ(fs::last_write_time(out / "complete/refine_net.safetensors"), when);
     EXPECT_EQ(bytesOf(out / "ablation.csv"), table);
+    const auto coarse = fs::last_write_time(out / "no-refine/texture_net.safetensors");
     options.variants = {"complete"};
     options.preset.refine.steps = 4;
     runAblate(options);
+    EXPECT_EQ(fs::last_write_time(out / "no-refine/texture_net.safetensors"), coarse);
     EXPECT_NE(fs::last_write_time(out / "complete/refine_net.safetensors"), when);
     EXPECT_EQ(nlohmann::json::parse(bytesOf(out / "ablation.json"))["rows"].size(), 1u);
 

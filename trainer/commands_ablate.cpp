@@ -40,33 +40,40 @@ public:
         avatar.provenance["capture"] = capture.name;
         avatar.provenance["command"] = options_.common.commandLine;
         avatar.provenance["seed"] = fmt::format("{}", settings.seed);
-        if (read(request) == asked) {
+        // poses.npz comes last: where it is, the run that was asked for is done.
+        if (read(request) != asked) {
+            removeTrainingState(settings.out);
+            fs::remove(poses);
+            createFolders(settings.out);
+            AtomicFile file(request);
+            file.write(asked);
+            file.commit();
+        } else if (fs::exists(poses)) {
             takePoses(capture, poses);
             return {readAvatar(settings.out), std::move(capture), std::nullopt};
         }
-        fs::remove(request);
         settings.resume = readRunRecord(settings.out).has_value();
         if (settings.resume) avatar = unfinished(settings.out, std::move(avatar));
         TrainResult result = trainAvatar(device_, std::move(avatar), std::move(capture), settings);
         writeNpz(poses,
                  posesArrays(result.capture.theta, result.capture.trans, result.capture.betas),
                  false);
-        AtomicFile file(request);
-        file.write(asked);
-        file.commit();
         result.avatar = readAvatar(settings.out);  // as the next run will find it
         return result;
     }
 
 private:
-    // All that the result depends on.
+    // All that the result depends on: stages that come later do not count.
     std::string requestOf(const Preset& preset, const std::vector<std::string>& stages) const {
         std::string text =
             fmt::format("capture = {}\nframes = {}\nbody = {}\nseed = {}\nstages = {}\n",
                         fs::absolute(options_.capture).lexically_normal().string(), options_.frames,
                         options_.body, options_.common.seed, fmt::join(stages, ","));
+        const std::vector<std::string> order{"fit", "mesh", "texture", "refine"};
+        const auto last = std::ranges::find(order, stages.back());
         for (const auto& [name, value] : presetValues(preset))
-            text += fmt::format("{} = {}\n", name, value);
+            if (std::ranges::find(order, name.substr(0, name.find('.'))) <= last)
+                text += fmt::format("{} = {}\n", name, value);
         return text;
     }
     static std::string read(const fs::path& path) {
@@ -131,7 +138,8 @@ void runAblate(const AblateOptions& options) {
     // A stage sees nothing but what those before it made, the numbers and the seed. So the poses
     // are fitted once, and what only refines differently starts from one mesh and coarse texture.
     Workshop workshop(device, options);
-    const TrainResult fitted = workshop.train("fit", fresh, training, {"fit"});
+    TrainResult fitted = workshop.train("fit", fresh, training, {"fit"});
+    fitted.avatar.preset = options.preset;
     std::vector<std::pair<std::string, Avatar>> avatars;
     auto add = [&](const char* name, TrainResult result) {
         avatars.emplace_back(name, std::move(result.avatar));
@@ -143,6 +151,7 @@ void runAblate(const AblateOptions& options) {
     if (wanted("no-refine")) avatars.emplace_back("no-refine", *coarse);
     if (wanted("no-clamp")) {
         Avatar avatar = fitted.avatar;
+        avatar.preset = options.preset;
         avatar.preset.mesh.clamps = "none";
         add("no-clamp",
             workshop.train("no-clamp", avatar, fitted.capture, {"mesh", "texture", "refine"}));
@@ -150,6 +159,7 @@ void runAblate(const AblateOptions& options) {
     for (const char* name : {"complete", "no-gan", "no-face"}) {
         if (!wanted(name)) continue;
         Avatar avatar = *coarse;
+        avatar.preset = options.preset;  // it may have been trained for another refinement
         RefinePreset& refine = avatar.preset.refine;
         if (std::string_view(name) != "complete") refine.faceDiscriminator = false;
         if (std::string_view(name) == "no-gan") refine.imageDiscriminator = false;
