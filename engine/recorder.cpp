@@ -12,6 +12,12 @@ Access accessOf(const BufferView& view, bool reads, bool writes) {
     return {view.address(), view.address() + view.bytes, reads, writes};
 }
 
+// No descriptor can describe an empty view: the beginning of its buffer stands in, in which a kernel
+// without elements touches nothing. Buffers have 16 bytes at least.
+BufferView described(const BufferView& view) {
+    return view.bytes > 0 ? view : BufferView{view.buffer, 0, 16};
+}
+
 constexpr uint32_t kSetsPerPool = 256, kBuffersPerSet = 16;
 
 }  // namespace
@@ -109,8 +115,8 @@ void Recorder::dispatch(const Kernel& kernel, std::span<const BoundBuffer> buffe
         CHECK(given != buffers.end(), "{} is given its buffer {}", kernel.name(), wanted.name);
         CHECK(given->view.offset % 16 == 0, "{} of {} starts at a multiple of 16 bytes",
               wanted.name, kernel.name());
-        slots[wanted.slot] = given->view;
-        accesses.push_back(accessOf(given->view, wanted.reads, wanted.writes));
+        slots[wanted.slot] = described(given->view);
+        accesses.push_back(accessOf(slots[wanted.slot], wanted.reads, wanted.writes));
     }
     CHECK(buffers.size() == reflection.buffers.size(),
           "{} is given only the {} buffers that it uses, not {}", kernel.name(),
@@ -144,12 +150,14 @@ void Recorder::dispatch(const Kernel& kernel, std::span<const BoundBuffer> buffe
 
 void Recorder::copy(const BufferView& source, const BufferView& target) {
     CHECK(source.bytes == target.bytes, "a copy's source and target have the same size");
+    if (source.bytes == 0) return;
     barrierFor({accessOf(source, true, false), accessOf(target, false, true)});
     VkBufferCopy region{source.offset, target.offset, source.bytes};
     vkCmdCopyBuffer(commands_, source.buffer->handle(), target.buffer->handle(), 1, &region);
 }
 
 void Recorder::fill(const BufferView& target, uint32_t word) {
+    if (target.bytes == 0) return;
     barrierFor({accessOf(target, false, true)});
     vkCmdFillBuffer(commands_, target.buffer->handle(), target.offset, alignUp(target.bytes, 4),
                     word);

@@ -77,6 +77,35 @@ TEST(GraphReplay, TwoInFlightSeeTheirOwnInputs) {
     }
 }
 
+// No descriptor can describe an empty range, and no command fills or copies one: the runtime has to
+// do without. Validation listens.
+TEST(EmptyTensors, GoThroughKernelsCopiesAndFills) {
+    Graph graph(testDevice());
+    Tensor x = graph.variable({0, 5});
+    Tensor whole = graph.variable({4, 8});
+    Tensor y = leakyRelu(graph, x, 0.5f);
+    Tensor z = leakyRelu(graph, y, 0.5f);
+    Tensor end = leakyRelu(graph, whole.slice(4, 0), 0.5f);  // behind the last row
+    Tensor copied = graph.temporary({0, 5}), filled = graph.temporary({0, 5});
+    graph.copy(y, copied);
+    graph.fill(filled, 7);
+    Tensor upstream = graph.input({0, 5});
+    graph.backward({{z, upstream}});
+    Tensor dx = graph.gradient(x);
+    for (const Tensor& tensor : {z, end, copied, filled, dx}) graph.output(tensor);
+    graph.compile({.poison = true});
+    graph.write(x, std::vector<float>{});
+    graph.write(whole, std::vector<float>(32, 1));
+    for (int i = 0; i < 2; ++i) graph.run();
+    for (const Tensor& tensor : {z, end, copied, filled, dx})
+        EXPECT_TRUE(graph.read<float>(tensor).empty());
+    checkOp("leaky_relu", {.inputs = {{"x", random({3, 0})}},
+                           .attributes = {{"slope", 0.2}},
+                           .reference = [](const Values& v) -> Values {
+                               return {{"y", v.at("x")}};
+                           }});
+}
+
 // A tensor with two readers gets the sum of both gradients.
 TEST(GraphReverse, SumsGradients) {
     Graph graph(testDevice());
