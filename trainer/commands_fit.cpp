@@ -11,6 +11,7 @@ void runFit(const FitOptions& options) {
     Capture capture = readCapture(options.capture);
     capture = capture.subset(selectFrames(options.frames, capture.size()));
     capture.requireMasks();
+    OutputFolder(options.out, "capture.toml");  // refused now rather than after the work
     BodyModel body = bodyFromNpz(readBodyArrays(options.body));
     Device device({.name = options.common.device});
     FitResult result = fitCapture(device, body, capture,

@@ -63,7 +63,6 @@ Evaluation evaluateCapture(Device& device, const Avatar& avatar, const Capture& 
                            const EvaluateSettings& settings) {
     capture.requireMasks();
     const std::filesystem::path& pictures = settings.pictures;
-    if (!pictures.empty()) createFolders(pictures);
     FrameCache frames(capture);
     const Capture& whole = settings.plateOf ? *settings.plateOf : capture;
     std::optional<Background> background;
@@ -102,10 +101,12 @@ Evaluation evaluateCapture(Device& device, const Avatar& avatar, const Capture& 
             realVideo.push_back(VideoFeatures::prepare(target, w, h));
             renderedVideo.push_back(VideoFeatures::prepare(render, w, h));
         }
-        if (!pictures.empty())
+        if (!pictures.empty()) {
+            createFolders(pictures);
             writeImage(pictures / (frame.name + ".png"),
                        contactSheet({{toImage(target, w, h), toImage(render, w, h),
                                       differenceImage(target, render, w, h, 4)}}));
+        }
         std::vector<float> person = target;
         for (size_t p = 0; p < person.size(); ++p)
             if (picture->mask[p / 3] == 0) person[p] = 0;

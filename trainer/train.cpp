@@ -94,9 +94,15 @@ public:
                        settings.out.string());
             return;
         }
-        removeTrainingState(settings.out);
         record_.asked = asked;
-        writeRunRecord(settings.out, record_);
+        try {
+            createFolders(settings.out);
+            removeTrainingState(settings.out);
+            writeRunRecord(settings.out, record_);
+        } catch (...) {
+            forgetIfEmpty();
+            throw;
+        }
     }
 
     bool wants(const char* stage) const { return std::ranges::count(settings_.stages, stage) > 0; }
@@ -111,6 +117,17 @@ public:
         writeRunRecord(settings_.out, record_);
         std::error_code ignored;
         std::filesystem::remove(folder() / (std::string(stage) + ".safetensors"), ignored);
+    }
+
+    // Nothing is left of a run that failed before it had anything to go on from: a frame that
+    // cannot be read, a disk without room for the first checkpoint.
+    void forgetIfEmpty() const {
+        if (!settings_.keeps() || !record_.done.empty()) return;
+        std::error_code ignored;
+        for (const auto& entry : std::filesystem::directory_iterator(folder(), ignored))
+            if (entry.path().extension() == ".safetensors") return;
+        removeTrainingState(settings_.out);
+        std::filesystem::remove(settings_.out, ignored);  // unless there is something in it
     }
 
     // The capture as stage "fit" leaves it.
@@ -152,15 +169,8 @@ private:
     RunRecord record_;
 };
 
-}  // namespace
-
-TrainResult trainAvatar(Device& device, Avatar avatar, Capture capture,
-                        const TrainSettings& settings) {
-    capture.requireMasks();
-    TrainResult result{std::move(avatar), std::move(capture), std::nullopt};
-    if (settings.keeps()) createFolders(settings.out);
-    Run run(settings, result.avatar, result.capture);
-
+// The stages one after the other.
+void trainStages(Device& device, TrainResult& result, const TrainSettings& settings, Run& run) {
     if (run.wants("fit") && !run.isDone("fit")) {
         FitSettings fit{.preset = result.avatar.preset.fit, .loop = settings};
         if (!settings.keeps()) fit.loop.out.clear();
@@ -199,6 +209,21 @@ TrainResult trainAvatar(Device& device, Avatar avatar, Capture capture,
         if (!result.avatar.texture.empty())
             writePreview(device, result.avatar, settings.out / "preview.png");
         removeTrainingState(settings.out);
+    }
+}
+
+}  // namespace
+
+TrainResult trainAvatar(Device& device, Avatar avatar, Capture capture,
+                        const TrainSettings& settings) {
+    capture.requireMasks();
+    TrainResult result{std::move(avatar), std::move(capture), std::nullopt};
+    Run run(settings, result.avatar, result.capture);
+    try {
+        trainStages(device, result, settings, run);
+    } catch (...) {
+        run.forgetIfEmpty();
+        throw;
     }
     return result;
 }
