@@ -38,7 +38,7 @@ std::string program() {
 }
 
 Outcome bench(const std::string& arguments) {
-    return shell("'" + program() + "' " + arguments + " 2>/dev/null");
+    return shell(fmt::format("'{}' {} 2>/dev/null", program(), arguments));
 }
 
 std::set<std::string> caseNames() {
@@ -131,7 +131,7 @@ TEST(Bench, SaysWhatIsWrong) {
 
 // The Vulkan loader and what every Linux has.
 TEST(Bench, CanBeCarriedAlone) {
-    Outcome linked = shell("ldd '" + program() + "' 2>&1");
+    Outcome linked = shell(fmt::format("ldd '{}' 2>&1", program()));
     if (linked.status != 0) GTEST_SKIP() << "no ldd, or a static program: " << linked.out;
     if (linked.out.find("libbenchmark") != std::string::npos)
         GTEST_SKIP() << "built without a static Google Benchmark; scripts/setup fetches it";
