@@ -33,7 +33,8 @@ void trainMesh(Device& device, Avatar& avatar, const Capture& capture,
                const TrainSettings& settings) {
     const MeshPreset& preset = avatar.preset.mesh;
     FrameCache cache(capture);
-    TrainingFrames frames(device, avatar.body, capture, cache, preset.size, false);
+    TrainingFrames frames(device, avatar.body, capture, cache, preset.size, false, 1,
+                          settings.memoryBudget);
 
     Parameters net;
     declareMeshNet(net, avatar, settings.seed);
@@ -72,7 +73,8 @@ void trainMesh(Device& device, Avatar& avatar, const Capture& capture,
         step.graph.setStep(
             stepParams(i, settings.seed, scheduledRate(preset.lr, preset.constantPart, i, steps),
                        adamwOptions(preset.beta1, preset.beta2, preset.weightDecay)));
-        step.graph.run();
+        step.graph.submit();
+        frames.prepare(sampler.peek(drawn.size()));  // meanwhile
         double loss = readLoss(step.graph, step.loss, "mesh", i);
         double iou = readLoss(step.graph, step.iouLoss, "mesh", i);
         return StageLoop::Report{{{"loss", loss}, {"iou", 1 - iou}},

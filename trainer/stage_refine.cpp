@@ -34,7 +34,8 @@ void trainRefine(Device& device, Avatar& avatar, const Capture& capture,
             "first");
     const RefinePreset& preset = avatar.preset.refine;
     FrameCache cache(capture);
-    TrainingFrames frames(device, avatar.body, capture, cache, preset.size, true);
+    TrainingFrames frames(device, avatar.body, capture, cache, preset.size, true, 1,
+                          settings.memoryBudget);
 
     // The mesh network is frozen: each frame's mesh is made once. The face is where the head is.
     std::vector<std::vector<float>> verts;
@@ -111,7 +112,8 @@ void trainRefine(Device& device, Avatar& avatar, const Capture& capture,
         step.graph.setStep(stepParams(i, settings.seed,
                                       scheduledRate(preset.lr, preset.constantPart, i, steps),
                                       config.generatorOptimiser));
-        step.graph.run();
+        step.graph.submit();
+        frames.prepare(sampler.peek(drawn.size()));  // meanwhile
         StageLoop::Report report;
         for (const Tensor& loss : losses)
             report.logged.push_back(readLoss(step.graph, loss, "refine", i));

@@ -29,7 +29,8 @@ void trainTexture(Device& device, Avatar& avatar, const Capture& capture,
                   const TrainSettings& settings) {
     const TexturePreset& preset = avatar.preset.texture;
     FrameCache cache(capture);
-    TrainingFrames frames(device, avatar.body, capture, cache, preset.size, true);
+    TrainingFrames frames(device, avatar.body, capture, cache, preset.size, true, 1,
+                          settings.memoryBudget);
 
     // The mesh network is frozen: each frame's mesh is made once.
     std::vector<std::vector<float>> verts;
@@ -69,7 +70,8 @@ void trainTexture(Device& device, Avatar& avatar, const Capture& capture,
         step.graph.setStep(
             stepParams(i, settings.seed, scheduledRate(preset.lr, preset.constantPart, i, steps),
                        adamwOptions(preset.beta1, preset.beta2, preset.weightDecay)));
-        step.graph.run();
+        step.graph.submit();
+        frames.prepare(sampler.peek(drawn.size()));  // meanwhile
         double loss = readLoss(step.graph, step.loss, "texture", i);
         return StageLoop::Report{{{"loss", loss}}, {loss}};
     };
