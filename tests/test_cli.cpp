@@ -109,6 +109,8 @@ TEST(CommandLine, FillsOptions) {
 
     EXPECT_EQ(run({"demo"}).demo.preset.name, "ci");
     EXPECT_EQ(run({"demo"}).demo.out, "out/demo");
+    EXPECT_EQ(run({"demo"}).demo.actor, "woman");
+    EXPECT_EQ(run({"demo", "--actor", "man"}).demo.actor, "man");
     EXPECT_EQ(run({"render", "a", "--motion", "m", "--out", "x.mp4", "--background", "#00ff7F"})
                   .render.background,
               "#00ff7F");

@@ -456,6 +456,9 @@ struct CommandLine {
         CLI::App& c = add("demo", "The whole job on the synthetic actor that comes with Doppel",
                           "doppel demo --out out/demo");
         c.add_option("--out", demo.out, "Folder to write")->capture_default_str();
+        c.add_option("--actor", demo.actor, "woman or man")
+            ->check(CLI::IsMember({"woman", "man"}))
+            ->capture_default_str();
         addPreset(c, shared["demo"], "ci");
     }
 };

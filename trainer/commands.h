@@ -107,6 +107,7 @@ struct ExportOptions {
 struct DemoOptions {
     CommonOptions common;
     std::filesystem::path out = "out/demo";
+    std::string actor = "woman";  // of assets/actor: woman, man
     Preset preset;
 };
 

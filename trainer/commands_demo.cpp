@@ -67,7 +67,7 @@ void runDemo(const DemoOptions& options) {
     fmt::print(stderr, "demo on {}\n", device.info().name);
 
     // A recording of the actor, every fourth frame held out.
-    Actor actor = readActor(assetFolder() / "actor", "woman");
+    Actor actor = readActor(assetFolder() / "actor", options.actor);
     SyntheticOptions synthetic;
     synthetic.size = kSize;
     synthetic.seed = options.common.seed;
