@@ -179,7 +179,13 @@ bool winogradPays(const Windows& w) {
     if (w.kernelH != 4 || w.kernelW != 4 || w.channels < 16 || w.features < 16) return false;
     bool strided = w.stride == 2 && w.padding == 1 && w.height % 4 == 0 && w.width % 8 == 0;
     bool dense = w.stride == 1 && w.padding <= 3;
-    return (strided || dense) && w.images * Tiling(w).tiles >= 64;
+    if (!strided && !dense) return false;
+    // The kernels count elements of all matrices in 32 bits; a piece may be a whole image.
+    Tiling tiling(w);
+    int64_t rows = std::max({tiling.channelRows, w.features, w.channels});
+    int64_t most = std::max({tiling.tiles, kFewestTiles, rows});
+    if (tiling.matrices * rows * most >= int64_t{1} << 31) return false;
+    return w.images * tiling.tiles >= 64;
 }
 
 void winogradGather(Graph& graph, const Windows& w, const Tensor& image, const Tensor& weight,

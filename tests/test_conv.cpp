@@ -4,6 +4,7 @@
 #include <random>
 
 #include "common/divide.h"
+#include "nn/winograd.h"
 #include "tests/op_test.h"
 
 namespace doppel {
@@ -129,6 +130,30 @@ TEST(Conv, Winograd) {
         transposed.x = {c.x[0], c.weight[0], out(c.x[2]), out(c.x[3])};
         checkConvolution("conv_transpose2d", transposed, c.weight[1], transposedReference);
     }
+}
+
+// Which layers take Winograd's way; not one whose matrices the kernels cannot count.
+TEST(Conv, WinogradPays) {
+    auto pays = [](int64_t channels, int64_t side, int64_t stride) {
+        return winogradPays({.images = 1,
+                             .channels = channels,
+                             .height = side,
+                             .width = side,
+                             .features = 64,
+                             .kernelH = 4,
+                             .kernelW = 4,
+                             .stride = stride,
+                             .padding = 1,
+                             .outHeight = (side - 2) / stride + 1,
+                             .outWidth = (side - 2) / stride + 1});
+    };
+    EXPECT_TRUE(pays(64, 256, 2));
+    EXPECT_TRUE(pays(64, 255, 1));
+    EXPECT_FALSE(pays(3, 256, 2));
+    EXPECT_FALSE(pays(64, 254, 2));
+    EXPECT_FALSE(pays(64, 16, 2));
+    EXPECT_FALSE(pays(64, 5600, 2));
+    EXPECT_FALSE(pays(64, 3000, 1));
 }
 
 TEST(Conv, ConvTranspose2d) {
