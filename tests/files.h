@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <span>
 #include <string>
 #include <string_view>
@@ -59,6 +60,12 @@ public:
 private:
     std::filesystem::path path_;
 };
+
+// All of a file; nothing where there is none.
+inline std::string bytesOf(const std::filesystem::path& path) {
+    std::ifstream file(path, std::ios::binary);
+    return {std::istreambuf_iterator<char>(file), {}};
+}
 
 // The sentence of the error that `call` throws; a test failure where it throws none.
 template <typename Error, typename Call>

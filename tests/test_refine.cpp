@@ -19,11 +19,7 @@ namespace doppel {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string bytesOf(const fs::path& path) {
-    std::ifstream file(path, std::ios::binary);
-    return {std::istreambuf_iterator<char>(file), {}};
-}
+using test::bytesOf;
 
 // ---- training -----------------------------------------------------------------------------------
 

@@ -26,15 +26,11 @@ namespace doppel {
 namespace {
 
 namespace fs = std::filesystem;
+using test::bytesOf;
 using test::Folder;
 
 constexpr int kSize = 64;
 constexpr size_t kFrames = 3;
-
-std::string bytesOf(const fs::path& path) {
-    std::ifstream file(path, std::ios::binary);
-    return {std::istreambuf_iterator<char>(file), {}};
-}
 
 void write(const fs::path& path, const std::string& bytes) {
     std::ofstream(path, std::ios::binary | std::ios::trunc) << bytes;

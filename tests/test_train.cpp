@@ -18,6 +18,7 @@ namespace doppel {
 namespace {
 
 namespace fs = std::filesystem;
+using test::bytesOf;
 
 Preset tinyPreset() {
     Preset preset = presetByName("ci");
@@ -58,11 +59,6 @@ TrainResult trainTiny(const Capture& capture, const fs::path& out) {
     settings.out = out;
     settings.pictureSeconds = 0;
     return trainAvatar(testDevice(), std::move(avatar), capture, settings);
-}
-
-std::string bytesOf(const fs::path& path) {
-    std::ifstream file(path, std::ios::binary);
-    return {std::istreambuf_iterator<char>(file), {}};
 }
 
 double mean(const std::vector<double>& values) {
