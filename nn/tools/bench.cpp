@@ -74,9 +74,9 @@ Recording ceilingCopy() {
 // The best of some replays: what the device can do when nobody else has it.
 Cost bestCost(const Recording& r) {
     Cost best{.seconds = INFINITY};
+    r.graph->run();  // the first replay pays for page faults
     double started = secondsNow();
-    r.graph->run();
-    for (int i = 0; i < 20 && secondsNow() - started < 1; ++i) {
+    for (int i = 0; i == 0 || (i < 20 && secondsNow() - started < 1); ++i) {
         double before = secondsNow();
         r.graph->run();
         double wall = secondsNow() - before;
