@@ -5,70 +5,16 @@
 #include <charconv>
 #include <cstdlib>
 #include <cstring>
-#include <mutex>
+
+#include "engine/instance.h"
 
 namespace doppel {
 
 namespace {
 
-std::mutex messageMutex;
-std::vector<std::string> messages;
-
-VKAPI_ATTR VkBool32 VKAPI_CALL onMessage(VkDebugUtilsMessageSeverityFlagBitsEXT,
-                                         VkDebugUtilsMessageTypeFlagsEXT,
-                                         const VkDebugUtilsMessengerCallbackDataEXT* data, void*) {
-    std::lock_guard lock(messageMutex);
-    messages.emplace_back(data->pMessage);
-    fmt::print(stderr, "validation: {}\n", data->pMessage);
-    return VK_FALSE;
-}
-
 bool environmentSays(const char* name, std::string_view value) {
     const char* set = std::getenv(name);
     return set && set == value;
-}
-
-// An instance with or without the validation layer.
-VkInstance createInstance(bool validation) {
-    VkApplicationInfo application{VK_STRUCTURE_TYPE_APPLICATION_INFO};
-    application.pApplicationName = "doppel";
-    application.apiVersion = VK_API_VERSION_1_2;
-    VkInstanceCreateInfo info{VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO};
-    info.pApplicationInfo = &application;
-
-    const char* layer = "VK_LAYER_KHRONOS_validation";
-    const char* extension = VK_EXT_DEBUG_UTILS_EXTENSION_NAME;
-    VkValidationFeatureEnableEXT enabled[] = {
-        VK_VALIDATION_FEATURE_ENABLE_SYNCHRONIZATION_VALIDATION_EXT};
-    VkValidationFeaturesEXT features{VK_STRUCTURE_TYPE_VALIDATION_FEATURES_EXT};
-    features.enabledValidationFeatureCount = 1;
-    features.pEnabledValidationFeatures = enabled;
-    if (validation) {
-        info.enabledLayerCount = 1;
-        info.ppEnabledLayerNames = &layer;
-        info.enabledExtensionCount = 1;
-        info.ppEnabledExtensionNames = &extension;
-        info.pNext = &features;
-    }
-    VkInstance instance = VK_NULL_HANDLE;
-    VkResult result = vkCreateInstance(&info, nullptr, &instance);
-    if (result == VK_ERROR_LAYER_NOT_PRESENT)
-        throwMachine("validation was asked for, but {} is not installed", layer);
-    if (result == VK_ERROR_INCOMPATIBLE_DRIVER)
-        throwMachine(
-            "no Vulkan driver found; install one (for a CPU: Mesa's lavapipe) or point "
-            "VK_DRIVER_FILES at it");
-    VK_CHECK(result);
-    return instance;
-}
-
-std::vector<VkPhysicalDevice> physicalDevices(VkInstance instance) {
-    uint32_t count = 0;
-    VK_CHECK(vkEnumeratePhysicalDevices(instance, &count, nullptr));
-    std::vector<VkPhysicalDevice> devices(count);
-    if (count > 0) VK_CHECK(vkEnumeratePhysicalDevices(instance, &count, devices.data()));
-    devices.resize(count);
-    return devices;
 }
 
 std::optional<uint32_t> computeFamily(VkPhysicalDevice physical) {
@@ -189,31 +135,15 @@ std::vector<DeviceInfo> Device::list() {
     std::vector<DeviceInfo> infos;
     for (VkPhysicalDevice physical : physicalDevices(instance))
         infos.push_back(describe(physical, static_cast<uint32_t>(infos.size())));
-    vkDestroyInstance(instance, nullptr);
+    destroyInstance(instance, VK_NULL_HANDLE);
     return infos;
 }
 
-std::vector<std::string> Device::validationMessages() {
-    std::lock_guard lock(messageMutex);
-    return messages;
-}
-
 Device::Device(DeviceOptions options) {
-    bool validation = options.validation || environmentSays("DOPPEL_VALIDATION", "1");
+    bool validation = options.validation || validationWanted();
     instance_ = createInstance(validation);
     try {
-        if (validation) {
-            VkDebugUtilsMessengerCreateInfoEXT info{
-                VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT};
-            info.messageSeverity = VK_DEBUG_UTILS_MESSAGE_SEVERITY_WARNING_BIT_EXT |
-                                   VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT;
-            info.messageType = VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT |
-                               VK_DEBUG_UTILS_MESSAGE_TYPE_GENERAL_BIT_EXT;
-            info.pfnUserCallback = onMessage;
-            auto create = reinterpret_cast<PFN_vkCreateDebugUtilsMessengerEXT>(
-                vkGetInstanceProcAddr(instance_, "vkCreateDebugUtilsMessengerEXT"));
-            VK_CHECK(create(instance_, &info, nullptr, &messenger_));
-        }
+        if (validation) messenger_ = createMessenger(instance_);
 
         std::vector<VkPhysicalDevice> physicals = physicalDevices(instance_);
         std::string reasons;
@@ -285,12 +215,7 @@ void Device::destroy() {
         vkDestroyCommandPool(device_, pool_, nullptr);
         vkDestroyDevice(device_, nullptr);
     }
-    if (messenger_) {
-        auto destroy = reinterpret_cast<PFN_vkDestroyDebugUtilsMessengerEXT>(
-            vkGetInstanceProcAddr(instance_, "vkDestroyDebugUtilsMessengerEXT"));
-        destroy(instance_, messenger_, nullptr);
-    }
-    if (instance_) vkDestroyInstance(instance_, nullptr);
+    destroyInstance(instance_, messenger_);
 }
 
 uint32_t Device::memoryType(uint32_t allowed, Memory memory) const {

@@ -1,0 +1,107 @@
+#include "engine/instance.h"
+
+#include <cstdlib>
+#include <mutex>
+#include <string>
+#include <string_view>
+
+#include "engine/device.h"
+
+namespace doppel {
+
+namespace {
+
+std::mutex messageMutex;
+std::vector<std::string> messages;
+
+VKAPI_ATTR VkBool32 VKAPI_CALL onMessage(VkDebugUtilsMessageSeverityFlagBitsEXT,
+                                         VkDebugUtilsMessageTypeFlagsEXT,
+                                         const VkDebugUtilsMessengerCallbackDataEXT* data, void*) {
+    std::lock_guard lock(messageMutex);
+    messages.emplace_back(data->pMessage);
+    fmt::print(stderr, "validation: {}\n", data->pMessage);
+    return VK_FALSE;
+}
+
+}  // namespace
+
+bool validationWanted() {
+    const char* set = std::getenv("DOPPEL_VALIDATION");
+    return set && std::string_view(set) == "1";
+}
+
+std::vector<std::string> Device::validationMessages() {
+    std::lock_guard lock(messageMutex);
+    return messages;
+}
+
+VkInstance createInstance(bool validation, std::span<const char* const> extensions) {
+    VkApplicationInfo application{VK_STRUCTURE_TYPE_APPLICATION_INFO};
+    application.pApplicationName = "doppel";
+    application.apiVersion = VK_API_VERSION_1_2;
+    VkInstanceCreateInfo info{VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO};
+    info.pApplicationInfo = &application;
+
+    const char* layer = "VK_LAYER_KHRONOS_validation";
+    std::vector<const char*> wanted(extensions.begin(), extensions.end());
+    VkValidationFeatureEnableEXT enabled[] = {
+        VK_VALIDATION_FEATURE_ENABLE_SYNCHRONIZATION_VALIDATION_EXT};
+    VkValidationFeaturesEXT features{VK_STRUCTURE_TYPE_VALIDATION_FEATURES_EXT};
+    features.enabledValidationFeatureCount = 1;
+    features.pEnabledValidationFeatures = enabled;
+    if (validation) {
+        info.enabledLayerCount = 1;
+        info.ppEnabledLayerNames = &layer;
+        info.pNext = &features;
+        wanted.push_back(VK_EXT_DEBUG_UTILS_EXTENSION_NAME);
+    }
+    info.enabledExtensionCount = static_cast<uint32_t>(wanted.size());
+    info.ppEnabledExtensionNames = wanted.data();
+    VkInstance instance = VK_NULL_HANDLE;
+    VkResult result = vkCreateInstance(&info, nullptr, &instance);
+    if (result == VK_ERROR_LAYER_NOT_PRESENT)
+        throwMachine("validation was asked for, but {} is not installed", layer);
+    if (result == VK_ERROR_INCOMPATIBLE_DRIVER)
+        throwMachine(
+            "no Vulkan driver found; install one (for a CPU: Mesa's lavapipe) or point "
+            "VK_DRIVER_FILES at it");
+    if (result == VK_ERROR_EXTENSION_NOT_PRESENT)
+        throwMachine("the Vulkan driver cannot draw into windows of this system");
+    VK_CHECK(result);
+    return instance;
+}
+
+VkDebugUtilsMessengerEXT createMessenger(VkInstance instance) {
+    VkDebugUtilsMessengerCreateInfoEXT info{
+        VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT};
+    info.messageSeverity = VK_DEBUG_UTILS_MESSAGE_SEVERITY_WARNING_BIT_EXT |
+                           VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT;
+    info.messageType = VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT |
+                       VK_DEBUG_UTILS_MESSAGE_TYPE_GENERAL_BIT_EXT;
+    info.pfnUserCallback = onMessage;
+    auto create = reinterpret_cast<PFN_vkCreateDebugUtilsMessengerEXT>(
+        vkGetInstanceProcAddr(instance, "vkCreateDebugUtilsMessengerEXT"));
+    VkDebugUtilsMessengerEXT messenger = VK_NULL_HANDLE;
+    VK_CHECK(create(instance, &info, nullptr, &messenger));
+    return messenger;
+}
+
+void destroyInstance(VkInstance instance, VkDebugUtilsMessengerEXT messenger) {
+    if (messenger) {
+        auto destroy = reinterpret_cast<PFN_vkDestroyDebugUtilsMessengerEXT>(
+            vkGetInstanceProcAddr(instance, "vkDestroyDebugUtilsMessengerEXT"));
+        destroy(instance, messenger, nullptr);
+    }
+    if (instance) vkDestroyInstance(instance, nullptr);
+}
+
+std::vector<VkPhysicalDevice> physicalDevices(VkInstance instance) {
+    uint32_t count = 0;
+    VK_CHECK(vkEnumeratePhysicalDevices(instance, &count, nullptr));
+    std::vector<VkPhysicalDevice> devices(count);
+    if (count > 0) VK_CHECK(vkEnumeratePhysicalDevices(instance, &count, devices.data()));
+    devices.resize(count);
+    return devices;
+}
+
+}  // namespace doppel

@@ -1,0 +1,25 @@
+// Vulkan instances: the compute device has one, a window another.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "engine/vulkan.h"
+
+namespace doppel {
+
+// DOPPEL_VALIDATION=1 asks for the validation layer.
+bool validationWanted();
+
+// With or without the validation layer, synchronisation validation included, whose messages end up
+// in Device::validationMessages(). MachineError where the layer, an extension or any driver is
+// missing.
+VkInstance createInstance(bool validation, std::span<const char* const> extensions = {});
+// Of an instance with validation.
+VkDebugUtilsMessengerEXT createMessenger(VkInstance instance);
+// Either may be null.
+void destroyInstance(VkInstance instance, VkDebugUtilsMessengerEXT messenger);
+
+std::vector<VkPhysicalDevice> physicalDevices(VkInstance instance);
+
+}  // namespace doppel

@@ -1,0 +1,141 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "common/op.glsl"
+#include "common/camera.h"
+#include "view/params.h"
+// The viewer's picture from a visibility buffer: painted, lit, over a background, packed to bytes.
+PARAMS(ShadeParams, 14)
+BUFFER(0, readonly, int, index);            // [H s,W s] face, -1: none
+BUFFER(1, readonly, vec4, surface);         // [H s,W s] barycentrics, depth
+BUFFER(2, readonly, float, verts);          // [V,3] camera space
+BUFFER(3, readonly, float, normals);        // [V,3] the body's world, unit length
+BUFFER(4, readonly, vec2, marks);           // [V] body part; clamp bound as part of the largest
+BUFFER(5, readonly, ivec4, faces);          // [F] v0, v1, v2, unused
+BUFFER(6, readonly, ivec4, facesUv);        // [F] t0, t1, t2, unused
+BUFFER(7, readonly, vec2, uvs);             // [T]
+BUFFER(8, readonly, float, tex);            // [S,S,3] sRGB-encoded
+BUFFER(9, readonly, float, visibility);     // [S,S]
+BUFFER(10, readonly, RasterCamera, camera);  // [1] of the visibility buffer
+BUFFER(11, readonly, ShadeState, state);    // [1]
+BUFFER(12, readonly, uint, background);     // [H,W] R, G, B, A from the lowest byte
+BUFFER(13, writeonly, uint, picture);       // [H,W]
+
+vec3 toLinear(vec3 c) {
+    return mix(c / 12.92, pow((c + 0.055) / 1.055, vec3(2.4)), greaterThan(c, vec3(0.04045)));
+}
+vec3 toSrgb(vec3 c) {
+    return mix(12.92 * c, 1.055 * pow(c, vec3(1 / 2.4)) - 0.055, greaterThan(c, vec3(0.0031308)));
+}
+
+// Hues far apart from one part to the next.
+vec3 partColour(float part) {
+    vec3 hue = fract(part * 0.61803399 + vec3(0, 2, 1) / 3);
+    return part < 0.5 ? vec3(0.5) : 0.25 + 0.7 * clamp(abs(hue * 6 - 3) - 1, 0, 1);
+}
+
+// Blue, white, red from 0 to 1.
+vec3 heatColour(float t) {
+    return t < 0.5 ? mix(vec3(0.15, 0.3, 0.75), vec3(0.95), 2 * t)
+                   : mix(vec3(0.95), vec3(0.8, 0.15, 0.12), 2 * t - 1);
+}
+
+vec3 texel(ivec2 at) {
+    uint t = uint(at.y) * params.textureSize + uint(at.x);
+    if (state.d[0].paint == kPaintVisibility)
+        return mix(vec3(0.25, 0.2, 0.3), vec3(0.55, 0.85, 0.5), visibility.d[t]);
+    return vec3(tex.d[3 * t], tex.d[3 * t + 1], tex.d[3 * t + 2]);
+}
+
+// What the atlas holds at a UV: bilinear, clamped at the border.
+vec3 paintAt(vec2 uv) {
+    if (state.d[0].paint == kPaintChecker) {
+        ivec2 cell = ivec2(floor(uv * 32));
+        vec3 block = vec3(0.35, 0.35, 0.35) + 0.55 * vec3(uv, 0.5 * (2 - uv.x - uv.y));
+        return ((cell.x + cell.y) & 1) == 0 ? block : 0.55 * block;
+    }
+    int last = int(params.textureSize) - 1;
+    vec2 at = clamp(uv * float(params.textureSize) - 0.5, vec2(0), vec2(last));
+    ivec2 low = ivec2(at), high = min(low + 1, last);
+    vec2 share = at - vec2(low);
+    return mix(mix(texel(low), texel(ivec2(high.x, low.y)), share.x),
+               mix(texel(ivec2(low.x, high.y)), texel(high), share.x), share.y);
+}
+
+vec3 vertex(int v) { return vec3(verts.d[3 * v], verts.d[3 * v + 1], verts.d[3 * v + 2]); }
+vec3 normalOf(int v) {
+    return vec3(normals.d[3 * v], normals.d[3 * v + 1], normals.d[3 * v + 2]);
+}
+
+// Pixels (of the picture) between the point with barycentrics b and the nearest edge of the face.
+float edgeDistance(ivec4 v, vec3 b) {
+    RasterCamera c = camera.d[0];
+    vec3 p0 = vertex(v.x), p1 = vertex(v.y), p2 = vertex(v.z);
+    vec2 scale = vec2(c.fx, c.fy) / float(params.samples);
+    vec2 s0 = scale * p0.xy / p0.z, s1 = scale * p1.xy / p1.z, s2 = scale * p2.xy / p2.z;
+    float area = abs((s1.x - s0.x) * (s2.y - s0.y) - (s1.y - s0.y) * (s2.x - s0.x));
+    vec3 lengths = vec3(distance(s1, s2), distance(s2, s0), distance(s0, s1));
+    vec3 distances = b * area / max(lengths, 1e-6);
+    return min(distances.x, min(distances.y, distances.z));
+}
+
+vec3 colourOf(uint sampleIndex, int face) {
+    ShadeState s = state.d[0];
+    ivec4 v = faces.d[face];
+    vec3 b = surface.d[sampleIndex].xyz;
+    vec3 world = normalize(b.x * normalOf(v.x) + b.y * normalOf(v.y) + b.z * normalOf(v.z) +
+                           vec3(0, 0, 1e-20));
+    vec3 n = vec3(dot(vec3(s.xx, s.xy, s.xz), world), dot(vec3(s.yx, s.yy, s.yz), world),
+                  dot(vec3(s.zx, s.zy, s.zz), world));
+    vec3 colour;
+    if (s.paint == kPaintClay) {
+        // Lit from the camera, so that the shape shows without a light of its own.
+        colour = vec3(0.82, 0.8, 0.77) * (s.lit != 0 ? 1.0 : 0.3 + 0.7 * max(-n.z, 0));
+    } else if (s.paint == kPaintNormals) {
+        colour = 0.5 + 0.5 * vec3(n.x, -n.y, -n.z);
+    } else if (s.paint == kPaintParts || s.paint == kPaintClamps) {
+        vec2 m0 = marks.d[v.x], m1 = marks.d[v.y], m2 = marks.d[v.z];
+        float part = b.x >= max(b.y, b.z) ? m0.x : b.y >= b.z ? m1.x : m2.x;
+        float bound = b.x * m0.y + b.y * m1.y + b.z * m2.y;
+        colour = (s.paint == kPaintParts ? partColour(part) : heatColour(bound)) *
+                 (s.lit != 0 ? 1.0 : 0.55 + 0.45 * max(-n.z, 0));
+    } else {
+        ivec4 t = facesUv.d[face];
+        colour = paintAt(b.x * uvs.d[t.x] + b.y * uvs.d[t.y] + b.z * uvs.d[t.z]);
+    }
+    if (s.lit != 0 && s.paint != kPaintNormals) {
+        float light = max(dot(n, vec3(s.lightX, s.lightY, s.lightZ)), 0);
+        colour = toSrgb(toLinear(clamp(colour, 0, 1)) * (s.ambient + (1 - s.ambient) * light));
+    }
+    if (s.wireframe != 0) {
+        float line = clamp(1.25 - edgeDistance(v, b), 0, 1);
+        float brightness = dot(colour, vec3(0.3, 0.6, 0.1));
+        colour = mix(colour, brightness > 0.45 ? vec3(0.05) : vec3(0.9), 0.75 * line);
+    }
+    return colour;
+}
+
+ENTRY(forward) {
+    uint i = linearIndex();
+    if (i >= params.width * params.height) return;
+    uint x = i % params.width, y = i / params.width;
+    ShadeState s = state.d[0];
+    vec3 behind = unpackUnorm4x8(background.d[i]).rgb, colour = vec3(0);
+    uint side = s.inset;
+    if (side > 0 && x + side >= params.width && y + side >= params.height) {
+        vec2 uv = vec2(x + side - params.width + 0.5, y + side - params.height + 0.5);
+        colour = paintAt(uv / float(side));
+    } else {
+        uint n = params.samples;
+        for (uint k = 0; k < n * n; ++k) {
+            uint at = (y * n + k / n) * params.width * n + x * n + k % n;
+            int face = index.d[at];
+            if (face >= 0)
+                colour += colourOf(at, face);
+            else
+                colour += behind;
+        }
+        colour /= float(n * n);
+    }
+    if (s.blueFirst != 0) colour = colour.bgr;
+    picture.d[i] = packUnorm4x8(vec4(colour, 1));
+}

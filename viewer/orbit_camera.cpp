@@ -1,0 +1,85 @@
+#include "viewer/orbit_camera.h"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/ext/matrix_transform.hpp>
+
+namespace doppel {
+
+namespace {
+
+constexpr double kLongLens = 200;  // times as far away, times as long
+constexpr double kSteepest = 1.55;
+constexpr double kNearest = 0.05, kFarthest = 100;
+
+double focal(double fieldOfView, int width, int height) {
+    return 0.5 * std::min(width, height) / std::tan(fieldOfView / 2);
+}
+
+}  // namespace
+
+ViewTransform OrbitCamera::view() const {
+    glm::dmat4 turn = glm::rotate(glm::dmat4(1), pitch, glm::dvec3(1, 0, 0)) *
+                      glm::rotate(glm::dmat4(1), yaw, glm::dvec3(0, 1, 0));
+    glm::dmat3 rotation(turn);
+    glm::dvec3 away(0, 0, orthographic ? kLongLens * distance : distance);
+    return {rotation, away - rotation * target};
+}
+
+Camera OrbitCamera::camera(int width, int height) const {
+    double f = focal(fieldOfView, width, height) * (orthographic ? kLongLens : 1);
+    return {f, f, width / 2.0, height / 2.0, width, height};
+}
+
+void OrbitCamera::orbit(double right, double down, int height) {
+    double radians = 3.2 / std::max(height, 1);
+    yaw = std::remainder(yaw - right * radians, 2 * std::acos(-1.0));
+    pitch = std::clamp(pitch + down * radians, -kSteepest, kSteepest);
+}
+
+void OrbitCamera::pan(double right, double down, int width, int height) {
+    double metres = distance / focal(fieldOfView, width, height);
+    target -= glm::transpose(view().rotation) * glm::dvec3(right * metres, down * metres, 0);
+}
+
+void OrbitCamera::dolly(double factor) {
+    if (std::isfinite(factor) && factor > 0)
+        distance = std::clamp(distance * factor, kNearest, kFarthest);
+}
+
+void OrbitCamera::frame(std::span<const float> points, int width, int height) {
+    if (points.size() < 3) return;
+    glm::dvec3 low(INFINITY), high(-INFINITY);
+    for (size_t i = 0; i + 2 < points.size(); i += 3) {
+        glm::dvec3 p(points[i], points[i + 1], points[i + 2]);
+        low = glm::min(low, p);
+        high = glm::max(high, p);
+    }
+    target = (low + high) / 2.0;
+    // Each point asks for a distance at which it is inside the picture.
+    glm::dmat3 rotation = view().rotation;
+    double f = focal(fieldOfView, width, height) * 0.9;
+    double needed = kNearest;
+    for (size_t i = 0; i + 2 < points.size(); i += 3) {
+        glm::dvec3 p = rotation * (glm::dvec3(points[i], points[i + 1], points[i + 2]) - target);
+        double depth = orthographic ? 0 : p.z;
+        needed = std::max({needed, 2 * f * std::abs(p.x) / width - depth,
+                           2 * f * std::abs(p.y) / height - depth});
+    }
+    distance = std::clamp(needed, kNearest, kFarthest);
+}
+
+glm::dvec3 projected(const glm::dvec3& world, const ViewTransform& view, const Camera& camera) {
+    glm::dvec3 p = view(world);
+    double z = p.z > 0 ? p.z : 1;
+    return {camera.fx * p.x / z + camera.cx, camera.fy * p.y / z + camera.cy, p.z};
+}
+
+glm::dvec3 movedInPlane(const glm::dvec3& world, double right, double down,
+                        const ViewTransform& view, const Camera& camera) {
+    double z = view(world).z;
+    return world + glm::transpose(view.rotation) *
+                       glm::dvec3(right * z / camera.fx, down * z / camera.fy, 0);
+}
+
+}  // namespace doppel

@@ -1,0 +1,37 @@
+// A camera that goes round a point, as a mouse moves it.
+#pragma once
+
+#include <span>
+
+#include "viewer/scene.h"
+
+namespace doppel {
+
+// Angles in radians, lengths in metres, the world as ViewTransform says. With both angles zero it
+// looks along +z, as a capture's camera does; a positive pitch looks down from above.
+struct OrbitCamera {
+    glm::dvec3 target{0, 0, 3};
+    double yaw = 0, pitch = 0, distance = 3;
+    double fieldOfView = 0.66;  // of the picture's shorter side
+    // Drawn through a lens so long that what is a metre further away is smaller by 1/600 or less.
+    bool orthographic = false;
+
+    ViewTransform view() const;
+    Camera camera(int width, int height) const;
+
+    // Mouse movement in pixels of a picture with this many rows: what is near moves with the mouse.
+    void orbit(double right, double down, int height);
+    void pan(double right, double down, int width, int height);
+    // > 1 goes away, < 1 comes nearer.
+    void dolly(double factor);
+    // Looks at these points [n,3] so that all of them are seen, from where it stands.
+    void frame(std::span<const float> points, int width, int height);
+};
+
+// The pixel that shows a point, and its depth; the depth is not positive for one behind the camera.
+glm::dvec3 projected(const glm::dvec3& world, const ViewTransform& view, const Camera& camera);
+// The point that has moved by so many pixels in the plane parallel to the picture.
+glm::dvec3 movedInPlane(const glm::dvec3& world, double right, double down,
+                        const ViewTransform& view, const Camera& camera);
+
+}  // namespace doppel

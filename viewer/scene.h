@@ -1,0 +1,79 @@
+// An avatar on the device: posed when its pose changes, drawn when the view does.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <map>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "trainer/avatar.h"
+#include "view/params.h"
+
+namespace doppel {
+
+// World: the capture's camera space, so x right, y down, z away from its camera; metres. A view
+// brings a point to camera space by rotation * point + translation and projects it with the camera.
+struct ViewTransform {
+    glm::dmat3 rotation{1};
+    glm::dvec3 translation{0};
+
+    glm::dvec3 operator()(const glm::dvec3& point) const { return rotation * point + translation; }
+};
+
+// Which mesh is drawn: the body as skinning leaves it, or as the mesh network refines it.
+enum class MeshKind { Body, Refined };
+
+struct ShadeOptions {
+    uint32_t paint = kPaintTexture;  // of kPaint…
+    bool lit = false, wireframe = false;
+    glm::dvec3 light{-0.4, -0.6, -0.7};  // towards it, camera space
+    double ambient = 0.35;
+    int inset = 0;           // side of the atlas in the lower right corner, pixels; 0: none
+    bool blueFirst = false;  // bytes of a pixel: B, G, R, A instead of R, G, B, A
+};
+
+class Scene {
+public:
+    // The avatar outlives the scene.
+    Scene(Device& device, const Avatar& avatar);
+    ~Scene();
+
+    bool hasRefinedMesh() const;
+
+    // What the next pictures show. The meshes are computed when a picture asks for them.
+    void setPose(const Theta& theta, const Trans& trans, const Betas& betas);
+    // [size,size,3] sRGB-encoded in [0,1], of the avatar's texture size.
+    void setTexture(std::span<const float> texture);
+
+    // Pixels [H,W] of four bytes. background: the same; samples: per pixel and axis, averaged.
+    const std::vector<uint32_t>& draw(MeshKind mesh, const Camera& camera,
+                                      const ViewTransform& view, const ShadeOptions& options,
+                                      std::span<const uint32_t> background, int samples = 1);
+
+    // [V,3] as it is posed now: world, and camera space.
+    std::vector<float> vertices(MeshKind mesh);
+    std::vector<float> vertices(MeshKind mesh, const ViewTransform& view);
+
+private:
+    struct Posing;
+    struct Drawing;
+    Posing& posed(MeshKind mesh);
+
+    Device& device_;
+    const Avatar& avatar_;
+    Buffer texture_;
+    std::map<MeshKind, std::unique_ptr<Posing>> posings_;
+    // By mesh, width, height, samples and whether the visibility map is wanted; of one size only.
+    std::map<std::array<int, 5>, std::unique_ptr<Drawing>> drawings_;
+    std::array<int, 2> size_{};
+    Theta theta_{};
+    Trans trans_{};
+    Betas betas_;
+    uint64_t poseVersion_ = 1;
+    std::vector<uint32_t> picture_;
+};
+
+}  // namespace doppel
