@@ -31,6 +31,7 @@ struct Outcome {
     EvalOptions eval;
     AblateOptions ablate;
     ExportOptions exporting;
+    ViewOptions view;
     DemoOptions demo;
     CommonOptions common;
 };
@@ -51,7 +52,8 @@ Outcome run(
                             keep("fit", o.fit),       keep("train", o.train),
                             keep("render", o.render), keep("eval", o.eval),
                             keep("ablate", o.ablate), keep("export", o.exporting),
-                            keep("demo", o.demo),     [&] { o.called = "bench"; }};
+                            keep("view", o.view),     keep("demo", o.demo),
+                            [&] { o.called = "bench"; }};
     std::ostringstream out, err;
     o.status = runCommandLine(arguments, commands, out, err);
     o.out = out.str();

@@ -5,6 +5,7 @@
 #include <toml++/toml.h>
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cstdio>
 #include <filesystem>
 #include <iostream>
 #include <map>
@@ -249,6 +250,7 @@ struct CommandLine {
     EvalOptions eval;
     AblateOptions ablate;
     ExportOptions exporting;
+    ViewOptions view;
     DemoOptions demo;
 
     CommandLine() {
@@ -271,6 +273,7 @@ struct CommandLine {
         addEval();
         addAblate();
         addExport();
+        addView();
         addDemo();
         add("bench", "Say where doppel-bench is, which measures the device", "doppel bench");
     }
@@ -452,6 +455,33 @@ struct CommandLine {
             ->capture_default_str();
     }
 
+    void addView() {
+        CLI::App& c = add("view", "Open a window: drag the joints, turn the camera, play motions",
+                          "doppel view avatar --motion capture");
+        c.description(
+            "Opens a window with the avatar. Drag a joint and the limb follows, turn the camera "
+            "with the\nleft or middle button, press H for all keys. While a training runs in the "
+            "avatar's folder its\npresent state is shown.");
+        c.add_option("AVATAR", view.avatar, "Avatar's folder")->required();
+        c.add_option("--motion", view.motion, "A capture or a poses.npz to play");
+        addFrames(c, view.frames, "Frames of the motion");
+        c.add_option("--pose", view.pose, "A pose to begin with, JSON as the viewer copies it");
+        c.add_option_function<std::string>(
+             "--size",
+             [this](const std::string& text) {
+                 int used = 0;
+                 if (std::sscanf(text.c_str(), "%dx%d%n", &view.width, &view.height, &used) != 2 ||
+                     static_cast<size_t>(used) != text.size() || view.width < 200 ||
+                     view.height < 150 || view.width > 8192 || view.height > 8192)
+                     throw CLI::ValidationError(
+                         "--size", fmt::format("expected WIDTHxHEIGHT, 200x150 to 8192x8192, "
+                                               "found \"{}\"",
+                                               text));
+             },
+             "The window's size, WIDTHxHEIGHT")
+            ->default_str("1280x800");
+    }
+
     void addDemo() {
         CLI::App& c = add("demo", "The whole job on the synthetic actor that comes with Doppel",
                           "doppel demo --out out/demo");
@@ -547,6 +577,7 @@ int runCommandLine(const std::vector<std::string>& arguments, const Commands& co
                 }
                 run(line.exporting, commands.exportAvatar);
             }
+            if (name == "view") run(line.view, commands.view);
             if (name == "demo") run(line.demo, commands.demo);
             if (name == "bench") commands.bench();
         },

@@ -20,6 +20,7 @@ struct Commands {
     std::function<void(const EvalOptions&)> eval;
     std::function<void(const AblateOptions&)> ablate;
     std::function<void(const ExportOptions&)> exportAvatar;
+    std::function<void(const ViewOptions&)> view;
     std::function<void(const DemoOptions&)> demo;
     std::function<void()> bench;
 };

@@ -104,6 +104,15 @@ struct ExportOptions {
     std::string texture = "best";  // "baked", "coarse" or "best"
 };
 
+struct ViewOptions {
+    CommonOptions common;
+    std::filesystem::path avatar;
+    std::filesystem::path motion;  // a capture, poses.npz or .bvh; may be empty
+    std::filesystem::path pose;    // a pose's JSON to begin with; may be empty
+    std::string frames;
+    int width = 1280, height = 800;  // of the window
+};
+
 struct DemoOptions {
     CommonOptions common;
     std::filesystem::path out = "out/demo";
@@ -119,6 +128,7 @@ void runRender(const RenderOptions& options);
 void runEval(const EvalOptions& options);
 void runAblate(const AblateOptions& options);
 void runExport(const ExportOptions& options);
+void runView(const ViewOptions& options);
 void runDemo(const DemoOptions& options);
 void runBench();
 

@@ -118,7 +118,8 @@ glm::dquat jointRotation(const Theta& theta, size_t joint) {
     return angle > 0 ? glm::angleAxis(angle, v / angle) : glm::dquat(1, 0, 0, 0);
 }
 
-// What turns the motion's space into one with y up.
+}  // namespace
+
 glm::dquat uprightRotation(const Motion& motion) {
     glm::dquat fromCamera(0, 1, 0, 0);  // half a turn about x
     if (!motion.cameras.empty()) return fromCamera;
@@ -128,6 +129,8 @@ glm::dquat uprightRotation(const Motion& motion) {
     if (up.y >= up.z) return {1, 0, 0, 0};
     return glm::angleAxis(-std::acos(-1.0) / 2, glm::dvec3(1, 0, 0));
 }
+
+namespace {
 
 // Where the joints of a body stand and how they are turned, the pelvis being at rest.
 struct Placement {
@@ -250,8 +253,8 @@ std::vector<Theta> posesToMatch(const Motion* motion) {
 
 }  // namespace
 
-GltfScene avatarScene(const Avatar& avatar, std::span<const float> bindVerts,
-                      const Motion* motion, TextureKind texture) {
+GltfScene avatarScene(const Avatar& avatar, std::span<const float> bindVerts, const Motion* motion,
+                      TextureKind texture) {
     const BodyModel& body = avatar.body;
     CHECK(bindVerts.size() == 3 * static_cast<size_t>(body.vertexCount),
           "the bind pose must have the body's {} vertices", body.vertexCount);

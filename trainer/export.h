@@ -6,6 +6,7 @@
 #pragma once
 
 #include <filesystem>
+#include <glm/gtc/quaternion.hpp>
 #include <span>
 
 #include "engine/device.h"
@@ -15,13 +16,17 @@
 
 namespace doppel {
 
+// What turns the space of a motion's poses into one with y up. Poses from a capture are in camera
+// space, y down. Poses without cameras may also have been made with y or z up: the one of the three
+// that brings the bodies closest to standing.
+glm::dquat uprightRotation(const Motion& motion);
+
 // bindVerts [V,3]: the avatar's vertices in the T-pose, body frame. The scene has the same axes
 // (metres, y up, facing +z), with the ground, y = 0, under the lowest vertex.
 //
-// A motion becomes an animation at the motion's fps in a world with y up: what faced the camera
-// faces +z, and in the first key the pelvis is above the origin and the lowest vertex on the
-// ground. Poses from a capture are in camera space, y down. Poses without cameras may also have
-// been made with y or z up: the one of the three that brings the bodies closest to standing.
+// A motion becomes an animation at the motion's fps in a world with y up (uprightRotation): what
+// faced the camera faces +z, and in the first key the pelvis is above the origin and the lowest
+// vertex on the ground.
 //
 // Texels between the charts of the atlas take the colour of the nearest chart, because players
 // average texels where the person is small.

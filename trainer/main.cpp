@@ -6,7 +6,7 @@
 int main(int argc, char** argv) {
     using namespace doppel;
     catchInterrupts();
-    const Commands commands{runDevices, runImport, runFit,  runTrain, runRender,
-                            runEval,    runAblate, runExport, runDemo, runBench};
+    const Commands commands{runDevices, runImport, runFit,  runTrain, runRender, runEval,
+                            runAblate,  runExport, runView, runDemo,  runBench};
     return runCommandLine({argv + 1, argv + argc}, commands, std::cout, std::cerr);
 }

@@ -6,10 +6,9 @@
 #include <glm/gtc/quaternion.hpp>
 
 #include "engine/io/image.h"
-#include "engine/io/video.h"
 #include "trainer/background.h"
 #include "trainer/motions.h"
-#include "trainer/output_folder.h"
+#include "trainer/picture_sequence.h"
 #include "trainer/progress.h"
 #include "trainer/sheet.h"
 
@@ -90,18 +89,12 @@ double renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>
                    const std::filesystem::path& out, double fps, const std::string& what,
                    TextureKind texture) {
     CHECK(!shots.empty(), "there is something to render");
-    bool film = out.extension() == ".mp4";
-    std::optional<VideoWriter> video;
-    std::optional<OutputFolder> folder;
     for (const Shot& shot : shots)
-        if (film && (shot.camera.width != shots[0].camera.width ||
-                     shot.camera.height != shots[0].camera.height))
+        if (out.extension() == ".mp4" && (shot.camera.width != shots[0].camera.width ||
+                                          shot.camera.height != shots[0].camera.height))
             throwInput("{}: a film needs frames of one size; give --size or a folder",
                        out.string());
-    if (film)
-        video.emplace(out, shots[0].camera.width, shots[0].camera.height, fps);
-    else
-        folder.emplace(out, "0000.png");
+    PictureSequence pictures(out, shots[0].camera.width, shots[0].camera.height, fps);
 
     AvatarRenderer renderer(device, avatar, true, texture);
     Image before;
@@ -114,10 +107,7 @@ double renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>
         Drawing drawing = renderer.draw(shot.theta, shot.trans, shot.camera, kSamples);
         Image image = toImage(composite(drawing.rgb, drawing.mask, background(i)),
                               shot.camera.width, shot.camera.height);
-        if (film)
-            video->add(image);
-        else
-            writeImage(folder->folder() / fmt::format("{:04}.png", i), image);
+        pictures.add(image);
         if (i > 0 && image.data.size() == before.data.size() && image.width == before.width) {
             for (size_t k = 0; k < image.data.size(); ++k)
                 difference += std::abs(int{image.data[k]} - int{before.data[k]});
@@ -126,10 +116,7 @@ double renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>
         before = std::move(image);
         progress.update(static_cast<int64_t>(i) + 1);
     }
-    if (film)
-        video->finish();
-    else
-        folder->commit();
+    pictures.finish();
     return compared > 0 ? difference / static_cast<double>(compared) : 0;
 }
 

@@ -228,4 +228,8 @@ TrainResult trainAvatar(Device& device, Avatar avatar, Capture capture,
     return result;
 }
 
+std::filesystem::path liveFolder(const std::filesystem::path& avatar) {
+    return avatar / "checkpoints" / "live";
+}
+
 }  // namespace doppel

@@ -30,6 +30,10 @@ struct TrainResult {
 TrainResult trainAvatar(Device& device, Avatar avatar, Capture capture,
                         const TrainSettings& settings);
 
+// Where an unfinished run leaves its present state, as an avatar, whenever it draws a picture of
+// it.
+std::filesystem::path liveFolder(const std::filesystem::path& avatar);
+
 // Stage 1: the mesh refinement network G_m against the masks; fills avatar.meshNet.
 void trainMesh(Device& device, Avatar& avatar, const Capture& capture,
                const TrainSettings& settings);

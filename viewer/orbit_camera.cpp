@@ -58,7 +58,7 @@ void OrbitCamera::frame(std::span<const float> points, int width, int height) {
     target = (low + high) / 2.0;
     // Each point asks for a distance at which it is inside the picture.
     glm::dmat3 rotation = view().rotation;
-    double f = focal(fieldOfView, width, height) * 0.9;
+    double f = focal(fieldOfView, width, height) / 0.9;  // a tenth of the picture stays free
     double needed = kNearest;
     for (size_t i = 0; i + 2 < points.size(); i += 3) {
         glm::dvec3 p = rotation * (glm::dvec3(points[i], points[i + 1], points[i + 2]) - target);

@@ -48,6 +48,9 @@ public:
     // [size,size,3] sRGB-encoded in [0,1], of the avatar's texture size.
     void setTexture(std::span<const float> texture);
 
+    // Computes the mesh now, if its pose has changed, and not when it is drawn.
+    void prepare(MeshKind mesh) { posed(mesh); }
+
     // Pixels [H,W] of four bytes. background: the same; samples: per pixel and axis, averaged.
     const std::vector<uint32_t>& draw(MeshKind mesh, const Camera& camera,
                                       const ViewTransform& view, const ShadeOptions& options,

@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
 #include <optional>
 
@@ -52,6 +53,13 @@ std::optional<Presenter> presenterOf(VkPhysicalDevice physical, VkSurfaceKHR sur
 }
 
 constexpr uint32_t kNone = UINT32_MAX;
+
+// Mesa 25's lavapipe crashes when it compiles a fragment shader for vectors of 512 bits, which its
+// compute shaders like best. It reads the width once per process, so before the first device.
+void avoidWideVectors() {
+    const char* width = std::getenv("LP_NATIVE_VECTOR_WIDTH");
+    if (width && std::string_view(width) == "512") setenv("LP_NATIVE_VECTOR_WIDTH", "256", 1);
+}
 
 }  // namespace
 
@@ -107,6 +115,7 @@ struct Window::Parts {
 };
 
 void Window::Parts::openWindow(const WindowOptions& options) {
+    avoidWideVectors();
     if (!glfwInit())
         throwMachine("no window can be opened: {}; over ssh, DISPLAY has to be set, or use Xvfb",
                      glfwReason());

@@ -33,6 +33,7 @@ struct WindowOptions {
 
 class Window {
 public:
+    // Comes before the process's first compute device: lavapipe's settings are read once.
     // MachineError where there is no screen, or no device that can present on it.
     explicit Window(const WindowOptions& options);
     ~Window();

@@ -1,0 +1,40 @@
+// An avatar's folder that may change while it is looked at: a training that goes on in it.
+#pragma once
+
+#include <filesystem>
+#include <future>
+#include <memory>
+
+#include "trainer/avatar.h"
+
+namespace doppel {
+
+struct LoadedAvatar {
+    Avatar avatar;
+    bool training = false;  // it is the state of a run that has not ended
+    bool textured = true;   // false: no texture yet; the avatar has a grey one
+};
+
+// Reads AVATAR, or AVATAR/checkpoints/live where a run has left its state there more recently.
+class LiveAvatar {
+public:
+    explicit LiveAvatar(std::filesystem::path folder);
+
+    // InputError where there is no avatar.
+    std::shared_ptr<LoadedAvatar> load();
+    // The avatar as it is now, where it has changed since the last time; null where it has not, or
+    // is not there any more. Reads in the background: never waits.
+    std::shared_ptr<LoadedAvatar> changed();
+
+    const std::filesystem::path& folder() const { return folder_; }
+
+private:
+    using Stamp = std::pair<std::filesystem::path, std::filesystem::file_time_type>;
+    Stamp newest() const;
+
+    std::filesystem::path folder_;
+    Stamp seen_;
+    std::future<std::shared_ptr<LoadedAvatar>> reading_;
+};
+
+}  // namespace doppel

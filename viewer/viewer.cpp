@@ -1,0 +1,655 @@
+#include "viewer/viewer.h"
+
+#include <GLFW/glfw3.h>
+#include <imgui.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+
+#include "engine/atomic_file.h"
+#include "engine/error.h"
+#include "trainer/export.h"
+#include "trainer/picture_sequence.h"
+#include "trainer/rendering.h"
+
+namespace doppel {
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr double kSettleSeconds = 0.15;  // without input, before pictures are made finer
+constexpr double kFastPainter = 0.015;   // seconds; a slower one waits until the mouse rests
+
+double milliseconds(std::chrono::steady_clock::duration passed) {
+    return std::chrono::duration<double, std::milli>(passed).count();
+}
+
+uint32_t packed(const std::array<uint8_t, 3>& rgb) {
+    return uint32_t{rgb[0]} | uint32_t{rgb[1]} << 8 | uint32_t{rgb[2]} << 16 | 0xff000000u;
+}
+
+}  // namespace
+
+// A glTF file being written in the background.
+struct Viewer::ExportJob {
+    std::future<void> done;
+    fs::path out;
+};
+
+// A film being drawn, one frame per turn of the window.
+struct Viewer::FilmJob {
+    fs::path out;
+    PictureSequence pictures;
+    Pane pane;
+    int64_t next = 0, count = 0;
+    double timelineBefore = 0;
+    bool asked = false;  // the texture of the next frame
+    std::vector<uint32_t> background;
+};
+
+Viewer::Viewer(const ViewOptions& options)
+    : options_(options),
+      window_({"Doppel", options.width, options.height, {}}),
+      device_({.name = options.common.device}),
+      source_(options.avatar) {
+    useAvatar(source_.load());
+    settings_.texture = bestTexture();
+    if (!avatar_->textured) settings_.paint = kPaintClay;
+
+    Shot rest = restShot(device_, avatar_->avatar, 512);
+    editor_ = std::make_unique<PoseEditor>(poseOf(rest.theta, rest.trans), avatar_->avatar.betas);
+    if (!options.motion.empty()) loadMotion(options.motion, options.frames);
+    if (!options.pose.empty()) pastePose(options.pose);
+    layOut();
+    frameAll();
+    lastTouched_ = lastFrame_ = lastTick_ = Clock::now();
+}
+
+Viewer::~Viewer() = default;
+
+void Viewer::useAvatar(std::shared_ptr<LoadedAvatar> avatar) {
+    painter_.reset();
+    scene_.reset();
+    avatar_ = std::move(avatar);
+    const Avatar& now = avatar_->avatar;
+    scene_ = std::make_unique<Scene>(device_, now);
+    painter_ = std::make_unique<Painter>(now, options_.common.device, [] { glfwPostEmptyEvent(); });
+    // Until the networks have painted the view: what comes closest.
+    const std::vector<float>& baked = now.bakedTexture.empty() ? now.texture : now.bakedTexture;
+    textures_ = {{TextureKind::Coarse, now.texture},
+                 {TextureKind::Refined, baked},
+                 {TextureKind::Baked, baked}};
+    painted_.clear();
+    ++textureVersion_;
+    ++viewVersion_;
+    window_.setTitle(fmt::format("{}{} - Doppel", source_.folder().filename().string(),
+                                 avatar_->training ? " (in training)" : ""));
+}
+
+void Viewer::reloadIfChanged() {
+    std::shared_ptr<LoadedAvatar> now = source_.changed();
+    if (!now) return;
+    bool wasTextured = avatar_->textured, hadBest = settings_.texture == bestTexture();
+    useAvatar(std::move(now));
+    if (!wasTextured && avatar_->textured && settings_.paint == kPaintClay)
+        settings_.paint = kPaintTexture;
+    if (hadBest) settings_.texture = bestTexture();
+    say(avatar_->training ? "the training's present state" : "the avatar has changed on disk");
+}
+
+TextureKind Viewer::bestTexture() const {
+    return avatar_->avatar.refineNet.empty() ? TextureKind::Coarse : TextureKind::Refined;
+}
+
+// Whether networks paint this texture anew for each view.
+bool Viewer::paintsViews(TextureKind kind) const {
+    const Avatar& avatar = avatar_->avatar;
+    if (kind == TextureKind::Refined) return !avatar.refineNet.empty();
+    return kind == TextureKind::Coarse && !avatar.textureNet.empty() &&
+           !avatar.preset.texture.constantInput;
+}
+
+const std::vector<float>& Viewer::textureOf(TextureKind kind) const { return textures_.at(kind); }
+
+void Viewer::say(std::string text, bool wrong) {
+    message_ = std::move(text);
+    messageIsWrong_ = wrong;
+    messageSince_ = Clock::now();
+    framesToDraw_ = 3;
+}
+
+// ---- one turn -----------------------------------------------------------------------------------
+
+bool Viewer::interacting() const {
+    return drag_ != Drag::None || playing_ ||
+           Clock::now() - lastTouched_ < std::chrono::duration<double>(kSettleSeconds);
+}
+
+bool Viewer::settled() {
+    return !interacting() && !painter_->busy() && framesToDraw_ == 0 && !working();
+}
+
+bool Viewer::frame() {
+    if (window_.closed()) return false;
+    bool busy = framesToDraw_ > 0 || playing_ || working();
+    double wait = busy ? 0 : interacting() ? 0.02 : 0.5;
+    auto before = Clock::now();
+    bool drawable = window_.begin(wait);
+    bool timedOut = wait > 0 && Clock::now() - before > std::chrono::duration<double>(wait * 0.98);
+    if (window_.closed()) return false;
+    reloadIfChanged();
+    advanceTimeline();
+    if (!drawable) return true;
+
+    if (!timedOut && !busy) framesToDraw_ = 3;  // ImGui answers some events a frame later
+    attempt([&] {
+        for (const fs::path& path : window_.dropped()) openDropped(path);
+        handleKeys();
+        layOut();
+        handleMouse();
+    });
+    if (film_ || export_) attempt([&] { advanceJobs(); });
+    updateTextures();
+    if (!film_) updatePictures();
+    drawOverlays();
+    drawPanel();
+    drawTimeline();
+    drawStatus();
+    drawHelp();
+    std::vector<PlacedPicture> placed;
+    for (size_t i = 0; i < panes_.size() && i < pixels_.size(); ++i) {
+        const Pane& pane = shown_ ? shown_->panes.at(i) : panes_[i];
+        placed.push_back({pane.x, pane.y, pane.width, pane.height, pixels_[i]});
+    }
+    auto drawn = Clock::now();
+    window_.end(placed);
+    times_.show = milliseconds(Clock::now() - drawn);
+    double passed = milliseconds(Clock::now() - lastFrame_);
+    if (wait == 0 && passed > 0) times_.fps += 0.2 * (1000 / passed - times_.fps);
+    lastFrame_ = Clock::now();
+    if (framesToDraw_ > 0) --framesToDraw_;
+    return true;
+}
+
+void Viewer::run() {
+    try {
+        while (frame()) {
+        }
+    } catch (const MachineError& error) {
+        fs::path kept = freeName("doppel-pose", ".json");
+        try {
+            AtomicFile file(kept);
+            file.write(editor_->copy());
+            file.commit();
+        } catch (const std::exception&) {
+            throw error;
+        }
+        throwMachine("{}; the pose is kept in {}, which `doppel view --pose` takes", error.what(),
+                     kept.string());
+    }
+}
+
+// A mistake of the user's, or a file that cannot be written: said in the window, which goes on.
+void Viewer::attempt(const std::function<void()>& action) {
+    try {
+        action();
+    } catch (const InputError& error) {
+        say(error.what(), true);
+    }
+}
+
+// ---- the timeline -------------------------------------------------------------------------------
+
+bool Viewer::hasKeys() const { return !editor_->keyframes().empty(); }
+double Viewer::lastKey() const { return hasKeys() ? editor_->keyframes().back().time : 0; }
+
+int64_t Viewer::frameCount() const {
+    if (motion_) return static_cast<int64_t>(motion_->size());
+    return static_cast<int64_t>(std::floor(lastKey())) + 1;
+}
+
+void Viewer::advanceTimeline() {
+    auto now = Clock::now();
+    double passed = std::chrono::duration<double>(now - lastTick_).count();
+    lastTick_ = now;
+    if (playing_ && !film_) {
+        auto last = static_cast<double>(frameCount() - 1);
+        timeline_ += passed * speed_ * fps();
+        if (timeline_ > last) {
+            timeline_ = loop_ && last > 0 ? std::fmod(timeline_, last + 1) : last;
+            playing_ = loop_ && last > 0;
+        }
+    }
+    showTime();
+}
+
+// Puts the avatar where the timeline is; what was edited there before is gone, as in a player.
+void Viewer::showTime() {
+    double time = std::floor(timeline_);
+    if (time == shownTime_ || drag_ == Drag::Joint || drag_ == Drag::Ring) return;
+    shownTime_ = time;
+    if (motion_) {
+        auto i = static_cast<size_t>(
+            std::clamp<int64_t>(static_cast<int64_t>(time), 0, frameCount() - 1));
+        editor_->show(poseOf(motion_->theta[i], motion_->trans[i]));
+    } else if (hasKeys()) {
+        editor_->show(editor_->poseAt(time));
+    }
+}
+
+double Viewer::fps() const { return motion_ && motion_->fps > 0 ? motion_->fps : 30; }
+
+void Viewer::loadMotion(const fs::path& path, const std::string& frames) {
+    Motion motion = readMotion(path);
+    std::vector<size_t> chosen = selectFrames(frames, motion.size());
+    motion = motion.subset(chosen);
+    capture_.reset();
+    captureFrames_.reset();
+    if (motion.cameras.empty()) {
+        // Upright in front of the camera, where it stood before.
+        Shot rest = restShot(device_, avatar_->avatar, 512);
+        glm::dquat turn = glm::dquat(0, 1, 0, 0) * uprightRotation(motion);
+        Trans first = motion.trans[0];
+        for (size_t i = 0; i < motion.size(); ++i) {
+            setJointRotation(motion.theta[i], 0, turn * jointRotation(motion.theta[i], 0));
+            glm::dvec3 moved(0);
+            for (int k = 0; k < 3; ++k)
+                moved[k] = double(motion.trans[i][size_t(k)]) - double(first[size_t(k)]);
+            moved = turn * moved;
+            for (int k = 0; k < 3; ++k)
+                motion.trans[i][size_t(k)] = rest.trans[size_t(k)] + float(moved[k]);
+        }
+        settings_.captureCamera = false;
+    } else if (fs::is_directory(path / "images")) {
+        capture_ = readCapture(path).subset(chosen);
+        captureFrames_ = std::make_unique<FrameCache>(*capture_);
+    }
+    motion_ = std::move(motion);
+    timeline_ = 0;
+    shownTime_ = -1;
+    ++backdropVersion_;
+    showTime();
+    layOut();
+    frameAll();
+    say(fmt::format("{}: {} frames", motion_->name, motion_->size()));
+}
+
+void Viewer::loadPicture(const fs::path& path) {
+    backdropPicture_ = readImage(path);
+    settings_.backdrop = Backdrop::Picture;
+    ++backdropVersion_;
+}
+
+void Viewer::pastePose(const fs::path& path) {
+    std::vector<uint8_t> text = readWholeFile(path, uint64_t{1} << 20);
+    try {
+        editor_->paste({reinterpret_cast<const char*>(text.data()), text.size()});
+    } catch (const InputError& error) {
+        throwInput("{}: {}", path.string(), error.what());
+    }
+}
+
+void Viewer::openDropped(const fs::path& path) {
+    std::string extension = path.extension().string();
+    std::ranges::transform(extension, extension.begin(), [](char c) {
+        return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c;
+    });
+    if (extension == ".json") {
+        pastePose(path);
+    } else if (fs::is_directory(path) || extension == ".npz" || extension == ".bvh") {
+        loadMotion(path);
+    } else {
+        loadPicture(path);
+    }
+}
+
+// What plays: the motion, the keyframes, or the pose alone.
+Motion Viewer::shownMotion() const {
+    if (motion_) return *motion_;
+    Motion motion;
+    motion.name = hasKeys() ? "keyframes" : "pose";
+    motion.fps = fps();
+    motion.betas = editor_->betas();
+    for (int64_t i = 0; i < frameCount(); ++i) {
+        Pose pose = hasKeys() ? editor_->poseAt(double(i)) : editor_->pose();
+        motion.theta.push_back(thetaOf(pose));
+        motion.trans.push_back(transOf(pose));
+    }
+    // Poses in the viewer are in camera space; any camera says so.
+    motion.cameras.assign(motion.theta.size(), orbit_.camera(512, 512));
+    return motion;
+}
+
+// ---- pictures -----------------------------------------------------------------------------------
+
+void Viewer::layOut() {
+    double scale = window_.scale();
+    int width = window_.width(), height = window_.height();
+    if (settings_.panel) width -= static_cast<int>(kPanelWidth * scale);
+    height -= static_cast<int>(kTimelineHeight * scale);
+    panes_.clear();
+    if (width < 16 || height < 16) return;
+    Pane whole{0, 0, width, height, settings_.mesh, settings_.texture};
+    if (settings_.split == Split::None) {
+        panes_ = {whole};
+        return;
+    }
+    Pane left = whole, right = whole;
+    left.width = width / 2;
+    right.x = left.width;
+    right.width = width - left.width;
+    if (settings_.split == Split::Meshes) {
+        left.mesh = MeshKind::Body;
+        right.mesh = MeshKind::Refined;
+    } else {
+        left.texture = TextureKind::Coarse;
+        right.texture = bestTexture();
+    }
+    panes_ = {left, right};
+}
+
+ViewTransform Viewer::viewOf(const Pane&) const {
+    return settings_.captureCamera ? ViewTransform{} : orbit_.view();
+}
+
+Camera Viewer::cameraOf(const Pane& pane) const {
+    if (!settings_.captureCamera || !motion_ || motion_->cameras.empty())
+        return orbit_.camera(pane.width, pane.height);
+    auto i = static_cast<size_t>(
+        std::clamp<int64_t>(static_cast<int64_t>(timeline_), 0, frameCount() - 1));
+    // The whole frame, as large as the pane allows.
+    const Camera& own = motion_->cameras[i];
+    double scale = std::min(static_cast<double>(pane.width) / own.width,
+                            static_cast<double>(pane.height) / own.height);
+    return {own.fx * scale,
+            own.fy * scale,
+            own.cx * scale + (pane.width - own.width * scale) / 2,
+            own.cy * scale + (pane.height - own.height * scale) / 2,
+            pane.width,
+            pane.height};
+}
+
+PosedSkeleton Viewer::posed() const { return forwardKinematics(skeleton_, editor_->pose()); }
+
+glm::dvec3 Viewer::jointOnScreen(size_t joint) const {
+    if (panes_.empty()) return {};
+    const Pane& pane = panes_.back();
+    glm::dvec3 at = projected(posed().position[joint], viewOf(pane), cameraOf(pane));
+    double scale = window_.scale();
+    return {(at.x + pane.x) / scale, (at.y + pane.y) / scale, at.z};
+}
+
+std::span<const uint32_t> Viewer::backgroundOf(const Pane& pane) {
+    bool frames = settings_.backdrop == Backdrop::Capture && capture_ && settings_.captureCamera;
+    bool picture = settings_.backdrop == Backdrop::Picture && !backdropPicture_.empty();
+    std::array<uint8_t, 3> colour{};
+    for (size_t c = 0; c < 3; ++c)
+        colour[c] =
+            static_cast<uint8_t>(std::lround(255 * std::clamp(settings_.colour[c], 0.0f, 1.0f)));
+    int64_t frame =
+        frames ? std::clamp<int64_t>(static_cast<int64_t>(timeline_), 0, frameCount() - 1) : -1;
+    std::array<int64_t, 5> key{pane.width, pane.height, frame, int64_t{packed(colour)},
+                               picture ? static_cast<int64_t>(backdropVersion_) : -1};
+    if (key == backgroundKey_) return background_;
+    backgroundKey_ = key;
+    background_.assign(static_cast<size_t>(pane.width) * static_cast<size_t>(pane.height),
+                       packed(colour));
+    auto place = [&](const Image& image, int left, int top) {
+        for (int y = std::max(0, top); y < std::min(pane.height, top + image.height); ++y)
+            for (int x = std::max(0, left); x < std::min(pane.width, left + image.width); ++x) {
+                const uint8_t* rgb = image.pixel(x - left, y - top);
+                background_[static_cast<size_t>(y) * static_cast<size_t>(pane.width) +
+                            static_cast<size_t>(x)] = packed({rgb[0], rgb[1], rgb[2]});
+            }
+    };
+    if (frames) {
+        std::shared_ptr<const Picture> own = captureFrames_->load(static_cast<size_t>(frame));
+        Image image(own->width, own->height, 3);
+        image.data = own->rgb;
+        double scale = std::min(static_cast<double>(pane.width) / own->width,
+                                static_cast<double>(pane.height) / own->height);
+        int width = std::max(1, static_cast<int>(std::lround(own->width * scale)));
+        int height = std::max(1, static_cast<int>(std::lround(own->height * scale)));
+        place(resize(image, width, height),
+              static_cast<int>(std::lround((pane.width - own->width * scale) / 2)),
+              static_cast<int>(std::lround((pane.height - own->height * scale) / 2)));
+    } else if (picture) {
+        // It covers the pane.
+        double scale = std::max(static_cast<double>(pane.width) / backdropPicture_.width,
+                                static_cast<double>(pane.height) / backdropPicture_.height);
+        int width = std::max(pane.width, static_cast<int>(backdropPicture_.width * scale));
+        int height = std::max(pane.height, static_cast<int>(backdropPicture_.height * scale));
+        place(resize(backdropPicture_, width, height), (pane.width - width) / 2,
+              (pane.height - height) / 2);
+    }
+    return background_;
+}
+
+ShadeOptions Viewer::shadeOptions(const Pane& pane) const {
+    ShadeOptions shade;
+    shade.paint = settings_.paint;
+    shade.lit = settings_.lit;
+    shade.wireframe = settings_.wireframe;
+    double level = std::cos(settings_.lightPitch);
+    shade.light = {level * std::sin(settings_.lightYaw), -std::sin(settings_.lightPitch),
+                   -level * std::cos(settings_.lightYaw)};
+    shade.ambient = settings_.ambient;
+    shade.inset = settings_.atlas ? std::min(pane.width, pane.height) / 3 : 0;
+    shade.blueFirst = window_.blueFirst();
+    return shade;
+}
+
+void Viewer::updatePictures() {
+    if (panes_.empty()) return;
+    Camera camera = cameraOf(panes_[0]);
+    ViewTransform view = viewOf(panes_[0]);
+    // Finer once the mouse rests, if that is not too slow to stay answering.
+    int samples = interacting() ? 1 : 2;
+    Shown now{editor_->pose(),  editor_->betas(), settings_, view.rotation,
+              view.translation, camera,           panes_,    textureVersion_,
+              backdropVersion_, samples};
+    bool sameView = shown_ && shown_->pose == now.pose && shown_->betas == now.betas &&
+                    shown_->rotation == now.rotation && shown_->translation == now.translation &&
+                    shown_->camera == now.camera && shown_->panes == now.panes;
+    if (!sameView) ++viewVersion_;
+    if (shown_) {
+        Shown before = *shown_;
+        before.samples = samples;
+        if (before == now && shown_->samples >= samples) return;
+    }
+
+    auto before = Clock::now();
+    scene_->setPose(thetaOf(now.pose), transOf(now.pose), now.betas);
+    pixels_.resize(panes_.size());
+    std::optional<TextureKind> loaded;
+    for (size_t i = 0; i < panes_.size(); ++i) scene_->prepare(panes_[i].mesh);
+    times_.pose = milliseconds(Clock::now() - before);
+    before = Clock::now();
+    for (size_t i = 0; i < panes_.size(); ++i) {
+        const Pane& pane = panes_[i];
+        if (loaded != pane.texture) scene_->setTexture(textureOf(pane.texture));
+        loaded = pane.texture;
+        pixels_[i] = scene_->draw(pane.mesh, cameraOf(pane), viewOf(pane), shadeOptions(pane),
+                                  backgroundOf(pane), samples);
+    }
+    times_.draw = milliseconds(Clock::now() - before);
+    shown_ = std::move(now);
+    ++pictures_;
+    framesToDraw_ = std::max(framesToDraw_, 1);
+}
+
+// Takes what the painter has finished, and asks for what the view lacks.
+void Viewer::updateTextures() {
+    if (std::optional<Painter::Painting> done = painter_->take()) {
+        textures_[done->kind] = std::move(done->texture);
+        painted_[done->kind] = done->version;
+        // The first one pays for the pipelines.
+        paintSeconds_ = std::min(done->seconds, 2 * paintSeconds_);
+        times_.paint = 1e3 * done->seconds;
+        ++textureVersion_;
+        framesToDraw_ = std::max(framesToDraw_, 1);
+    }
+    if (film_ || panes_.empty() || painter_->busy() || !shown_) return;
+    if (interacting() && paintSeconds_ > kFastPainter) return;
+    for (const Pane& pane : panes_) {
+        if (!paintsViews(pane.texture) || settings_.paint != kPaintTexture) continue;
+        auto painted = painted_.find(pane.texture);
+        if (painted != painted_.end() && painted->second == viewVersion_) continue;
+        painter_->ask(pane.texture, scene_->vertices(pane.mesh, viewOf(pane)), viewVersion_);
+        return;
+    }
+}
+
+// ---- files --------------------------------------------------------------------------------------
+
+fs::path Viewer::freeName(const std::string& stem, const std::string& extension) const {
+    for (int i = 1;; ++i) {
+        fs::path path = fmt::format("{}-{}{}", stem, i, extension);
+        if (!fs::exists(path)) return path;
+    }
+}
+
+// The keyframes; without any, the motion that is loaded or the pose that is shown.
+void Viewer::savePoses(const fs::path& path) {
+    if (hasKeys()) {
+        editor_->saveKeyframes(path, fps());
+    } else {
+        Motion motion = shownMotion();
+        Npz arrays = posesArrays(motion.theta, motion.trans, editor_->betas());
+        arrays.set("fps", Array::f32({}, std::array{static_cast<float>(motion.fps)}));
+        writeNpz(path, arrays, false);
+    }
+    say(fmt::format("poses in {}", path.string()));
+}
+
+void Viewer::saveScreenshot(const fs::path& path) {
+    if (panes_.empty() || !shown_) throwInput("there is no picture to save");
+    int width = 0;
+    for (const Pane& pane : panes_) width += pane.width;
+    Image image(width, panes_[0].height, 3);
+    for (size_t i = 0; i < panes_.size(); ++i) {
+        const Pane& pane = panes_[i];
+        for (int y = 0; y < pane.height; ++y)
+            for (int x = 0; x < pane.width; ++x) {
+                uint32_t word =
+                    pixels_[i][static_cast<size_t>(y) * static_cast<size_t>(pane.width) +
+                               static_cast<size_t>(x)];
+                uint8_t* rgb = image.pixel(pane.x + x, y);
+                for (int c = 0; c < 3; ++c)
+                    rgb[window_.blueFirst() ? 2 - c : c] = static_cast<uint8_t>(word >> 8 * c);
+            }
+    }
+    writeImage(path, image);
+    say(fmt::format("picture in {}", path.string()));
+}
+
+void Viewer::startFilm(const fs::path& out, int size) {
+    if (film_) throwInput("a film is being drawn already");
+    if (panes_.empty()) throwInput("there is no picture to film");
+    Pane pane = panes_.back();
+    if (size > 0) {
+        double scale = static_cast<double>(size) / std::max(pane.width, pane.height);
+        pane.width = std::max(16, static_cast<int>(pane.width * scale));
+        pane.height = std::max(16, static_cast<int>(pane.height * scale));
+    }
+    film_ =
+        std::unique_ptr<FilmJob>(new FilmJob{out,
+                                             PictureSequence(out, pane.width, pane.height, fps()),
+                                             pane,
+                                             0,
+                                             frameCount(),
+                                             timeline_,
+                                             false,
+                                             {}});
+    playing_ = false;
+}
+
+void Viewer::startExport(const fs::path& out) {
+    if (export_) throwInput("an export is being written already");
+    if (!avatar_->textured) throwInput("the avatar has no texture yet");
+    if (out.extension() != ".glb")
+        throwInput("expected a name that ends in .glb, found \"{}\"", out.string());
+    export_ = std::make_unique<ExportJob>();
+    export_->out = out;
+    Avatar avatar = avatar_->avatar;
+    avatar.betas = editor_->betas();
+    if (settings_.mesh == MeshKind::Body) avatar.meshNet.clear();
+    TextureKind kind =
+        settings_.texture == TextureKind::Coarse ? TextureKind::Coarse : TextureKind::Best;
+    export_->done =
+        std::async(std::launch::async, [name = options_.common.device, avatar = std::move(avatar),
+                                        out, motion = shownMotion(), kind] {
+            Device device({.name = name});
+            exportAvatar(device, avatar, out, &motion, kind);
+            glfwPostEmptyEvent();
+        });
+}
+
+void Viewer::advanceJobs() {
+    if (export_ && export_->done.wait_for(std::chrono::milliseconds(film_ ? 0 : 5)) ==
+                       std::future_status::ready) {
+        std::unique_ptr<ExportJob> job = std::move(export_);
+        job->done.get();
+        say(fmt::format("glTF in {}", job->out.string()));
+    }
+    if (film_) advanceFilm();
+}
+
+void Viewer::cancelFilm() {
+    if (!film_) return;
+    timeline_ = film_->timelineBefore;
+    shownTime_ = -1;
+    film_.reset();
+    say("the film was given up; nothing of it is left");
+}
+
+float Viewer::filmProgress() const {
+    return film_ ? static_cast<float>(film_->next) / static_cast<float>(film_->count) : 0;
+}
+
+void Viewer::advanceFilm() {
+    try {
+        FilmJob& film = *film_;
+        timeline_ = static_cast<double>(film.next);
+        if (frameCount() > 1) showTime();
+        Pose pose = editor_->pose();
+        scene_->setPose(thetaOf(pose), transOf(pose), editor_->betas());
+        uint64_t version = viewVersion_;
+        if (paintsViews(film.pane.texture) && settings_.paint == kPaintTexture) {
+            if (!film.asked) {
+                if (painter_->busy()) return;
+                version = ++viewVersion_;
+                painter_->ask(film.pane.texture,
+                              scene_->vertices(film.pane.mesh, viewOf(film.pane)), version);
+                film.asked = true;
+            }
+            if (painted_[film.pane.texture] != viewVersion_) return;  // not yet
+        }
+        film.asked = false;
+        scene_->setTexture(textureOf(film.pane.texture));
+        std::span<const uint32_t> background = backgroundOf(film.pane);
+        ShadeOptions shade = shadeOptions(film.pane);
+        shade.blueFirst = false;
+        const std::vector<uint32_t>& pixels = scene_->draw(film.pane.mesh, cameraOf(film.pane),
+                                                           viewOf(film.pane), shade, background, 2);
+        Image image(film.pane.width, film.pane.height, 3);
+        for (size_t i = 0; i < pixels.size(); ++i)
+            for (size_t c = 0; c < 3; ++c)
+                image.data[3 * i + c] = static_cast<uint8_t>(pixels[i] >> 8 * c);
+        film.pictures.add(image);
+        if (++film.next < film.count) return;
+        film.pictures.finish();
+        std::string out = film.out.string();
+        timeline_ = film.timelineBefore;
+        shownTime_ = -1;
+        film_.reset();
+        shown_.reset();
+        say(fmt::format("film in {}", out));
+    } catch (...) {
+        film_.reset();
+        throw;
+    }
+}
+
+}  // namespace doppel
