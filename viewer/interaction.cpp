@@ -194,11 +194,11 @@ glm::dvec3 Viewer::onScreen(const glm::dvec3& world, const Pane& pane) const {
 std::optional<size_t> Viewer::jointAt(double x, double y) const {
     const Pane* pane = paneAt(x, y);
     if (!pane || !settings_.joints) return std::nullopt;
-    PosedSkeleton skeleton = posed();
+    PosedSkeleton body = posed();
     std::optional<size_t> best;
     double least = INFINITY;
     for (size_t j = 0; j < joint::kCount; ++j) {
-        glm::dvec3 at = onScreen(skeleton.position[j], *pane);
+        glm::dvec3 at = onScreen(body.position[j], *pane);
         double distance = glm::distance(glm::dvec2(at), glm::dvec2(x, y));
         if (at.z <= 0 || distance > kPickRadius) continue;
         double score = distance + at.z;  // a metre of depth is worth a pixel
@@ -212,12 +212,12 @@ std::optional<size_t> Viewer::jointAt(double x, double y) const {
 
 // A circle about the selected joint's axis, window coordinates.
 std::vector<glm::dvec2> Viewer::ring(int axis, const Pane& pane) const {
-    PosedSkeleton skeleton = posed();
+    PosedSkeleton body = posed();
     size_t j = selected_.value_or(0);
-    glm::dvec3 centre = skeleton.position[j];
+    glm::dvec3 centre = body.position[j];
     double depth = onScreen(centre, pane).z;
     double radius = kRingRadius * window_.scale() * depth / cameraOf(pane).fx;
-    glm::dvec3 u = skeleton.rotation[j][(axis + 1) % 3], v = skeleton.rotation[j][(axis + 2) % 3];
+    glm::dvec3 u = body.rotation[j][(axis + 1) % 3], v = body.rotation[j][(axis + 2) % 3];
     std::vector<glm::dvec2> points;
     for (int i = 0; i < kRingPoints; ++i) {
         double angle = 2 * std::numbers::pi * i / kRingPoints;
@@ -267,19 +267,20 @@ void Viewer::dragJoint() {
     glm::dvec2 moved = (mouse_ - dragStart_) * window_.scale();
     glm::dvec3 goal =
         movedInPlane(dragPoint_, moved.x, moved.y, viewOf(dragPane_), cameraOf(dragPane_));
-    PosedSkeleton began = forwardKinematics(skeleton_, dragBegan_);
+    PosedSkeleton began = forwardKinematics(skeleton(), dragBegan_);
     std::vector<IkTarget> targets{{.joint = *selected_, .position = goal}};
     for (size_t pin : pins_)
         if (pin != *selected_) targets.push_back(pinnedAt(began, pin));
-    editor_->setPose(solveIk(skeleton_, editor_->pose(), targets, {.began = &dragBegan_}));
+    editor_->setPose(solveIk(skeleton(), editor_->pose(), targets, {.began = &dragBegan_}));
 }
 
 void Viewer::dragRing() {
     glm::dvec2 moved = mouse_ - dragStart_;
     double angle =
         glm::dot(moved, dragRing_.tangent) / glm::dot(dragRing_.tangent, dragRing_.tangent);
-    glm::dvec3 axis = forwardKinematics(skeleton_, dragBegan_).rotation[*selected_][dragRing_.axis];
-    Pose turned = rotateJoint(skeleton_, dragBegan_, *selected_, axis, angle);
+    glm::dvec3 axis =
+        forwardKinematics(skeleton(), dragBegan_).rotation[*selected_][dragRing_.axis];
+    Pose turned = rotateJoint(skeleton(), dragBegan_, *selected_, axis, angle);
     editor_->setPose(settings_.limits ? clampToLimits(turned, dragBegan_) : turned);
 }
 
@@ -387,17 +388,17 @@ void Viewer::drawOverlays() {
     bool near = paneAt(mouse_.x, mouse_.y) && !ImGui::GetIO().WantCaptureMouse;
     bool edits = drag_ == Drag::Joint || drag_ == Drag::Ring;
     if (!settings_.joints || film_ || (!near && !edits && !selected_)) return;
-    PosedSkeleton skeleton = posed();
+    PosedSkeleton body = posed();
     for (const Pane& pane : panes_) {
         list.PushClipRect(
             {float(pane.x / scale), float(pane.y / scale)},
             {float((pane.x + pane.width) / scale), float((pane.y + pane.height) / scale)});
         for (size_t j = 0; j < joint::kCount && (near || edits); ++j) {
-            glm::dvec3 at = onScreen(skeleton.position[j], pane);
+            glm::dvec3 at = onScreen(body.position[j], pane);
             if (at.z <= 0) continue;
-            if (skeleton_.parents[j] >= 0) {
+            if (skeleton().parents[j] >= 0) {
                 glm::dvec3 up =
-                    onScreen(skeleton.position[static_cast<size_t>(skeleton_.parents[j])], pane);
+                    onScreen(body.position[static_cast<size_t>(skeleton().parents[j])], pane);
                 if (up.z > 0)
                     list.AddLine(toImGui(at), toImGui(up), IM_COL32(255, 255, 255, 70), 1.5f);
             }
@@ -405,7 +406,7 @@ void Viewer::drawOverlays() {
         for (size_t j = 0; j < joint::kCount; ++j) {
             bool chosen = selected_ == j, hot = hovered_ == j;
             if (!near && !edits && !chosen) continue;
-            glm::dvec3 at = onScreen(skeleton.position[j], pane);
+            glm::dvec3 at = onScreen(body.position[j], pane);
             if (at.z <= 0) continue;
             float radius = hot ? 6.5f : chosen ? 5.5f : 3.5f;
             ImU32 colour = chosen ? IM_COL32(255, 180, 60, 255)

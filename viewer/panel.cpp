@@ -137,6 +137,8 @@ void Viewer::drawViewTab() {
     ImGui::SameLine(150);
     ImGui::Checkbox("atlas in the corner", &settings_.atlas);
     ImGui::Checkbox("joints", &settings_.joints);
+    ImGui::SameLine(150);
+    ImGui::Checkbox("figures", &settings_.figures);
 
     ImGui::Separator();
     ImGui::Checkbox("light", &settings_.lit);
@@ -366,16 +368,17 @@ void Viewer::drawStatus() {
         figures = fmt::format("{:.0f} fps: ", times_.fps) + figures;
     bool painting = painter_->busy();
     if (times_.paint > 0) figures += fmt::format(", texture {:.0f} ms", times_.paint);
-    text(12, 10, IM_COL32(200, 205, 215, 220), figures);
-    if (painting) text(12, 26, IM_COL32(255, 200, 110, 255), "painting the texture ...");
+    if (settings_.figures) text(12, 10, IM_COL32(200, 205, 215, 220), figures);
+    if (painting && settings_.figures)
+        text(12, 26, IM_COL32(255, 200, 110, 255), "painting the texture ...");
     if (film_)
         text(12, 42, IM_COL32(255, 110, 110, 255),
              fmt::format("drawing the film: {:.0f} %  (Escape gives up)", 100.0 * filmProgress()));
-    double age = std::chrono::duration<double>(Clock::now() - messageSince_).count();
-    if (!message_.empty() && age < (messageIsWrong_ ? 15 : 5))
+    messageDrawn_ = messageVisible();
+    if (messageDrawn_)
         text(12, 58, messageIsWrong_ ? IM_COL32(255, 120, 110, 255) : IM_COL32(160, 230, 160, 255),
              message_);
-    if (!settings_.help && pictures_ < 400 && !panes_.empty())
+    if (settings_.figures && !settings_.help && pictures_ < 400 && !panes_.empty())
         text(12, ImGui::GetIO().DisplaySize.y - kTimelineHeight - 22, IM_COL32(200, 205, 215, 160),
              "H: help");
 }

@@ -81,6 +81,7 @@ void Viewer::useAvatar(std::shared_ptr<LoadedAvatar> avatar) {
                  {TextureKind::Refined, baked},
                  {TextureKind::Baked, baked}};
     painted_.clear();
+    skeletonBetas_.reset();
     ++textureVersion_;
     ++viewVersion_;
     window_.setTitle(fmt::format("{}{} - Doppel", source_.folder().filename().string(),
@@ -126,30 +127,43 @@ bool Viewer::interacting() const {
            Clock::now() - lastTouched_ < std::chrono::duration<double>(kSettleSeconds);
 }
 
-bool Viewer::settled() {
-    return !interacting() && !painter_->busy() && framesToDraw_ == 0 && !working();
+bool Viewer::settled() const {
+    bool pictured = panes_.empty() || (shown_ && *shown_ == wanted());
+    return pictured && !interacting() && !painter_->busy() && framesToDraw_ == 0 && !working();
+}
+
+bool Viewer::messageVisible() const {
+    double age = std::chrono::duration<double>(Clock::now() - messageSince_).count();
+    return !message_.empty() && age < (messageIsWrong_ ? 15 : 5);
 }
 
 bool Viewer::frame() {
     if (window_.closed()) return false;
-    bool busy = framesToDraw_ > 0 || playing_ || working();
-    double wait = busy ? 0 : interacting() ? 0.02 : 0.5;
+    if (messageDrawn_ != messageVisible()) framesToDraw_ = std::max(framesToDraw_, 1);
+    bool rests = settled();
+    // What comes from threads wakes the window.
+    double wait = rests || painter_->busy() ? 0.25 : interacting() && !playing_ ? 0.02 : 0;
+    if (framesToDraw_ > 0 || playing_ || working()) wait = 0;
     auto before = Clock::now();
     bool drawable = window_.begin(wait);
-    bool timedOut = wait > 0 && Clock::now() - before > std::chrono::duration<double>(wait * 0.98);
+    bool woken = wait > 0 && Clock::now() - before < std::chrono::duration<double>(wait * 0.98);
     if (window_.closed()) return false;
     reloadIfChanged();
     advanceTimeline();
     if (!drawable) return true;
+    if (woken) framesToDraw_ = 3;  // ImGui answers some events a frame later
+    if (rests && settled()) {
+        window_.skip();
+        return true;
+    }
 
-    if (!timedOut && !busy) framesToDraw_ = 3;  // ImGui answers some events a frame later
     attempt([&] {
         for (const fs::path& path : window_.dropped()) openDropped(path);
         handleKeys();
         layOut();
         handleMouse();
     });
-    if (film_ || export_) attempt([&] { advanceJobs(); });
+    if (working()) attempt([&] { advanceJobs(); });
     updateTextures();
     if (!film_) updatePictures();
     drawOverlays();
@@ -158,8 +172,8 @@ bool Viewer::frame() {
     drawStatus();
     drawHelp();
     std::vector<PlacedPicture> placed;
-    for (size_t i = 0; i < panes_.size() && i < pixels_.size(); ++i) {
-        const Pane& pane = shown_ ? shown_->panes.at(i) : panes_[i];
+    for (size_t i = 0; shown_ && i < pixels_.size(); ++i) {
+        const Pane& pane = shown_->panes[i];
         placed.push_back({pane.x, pane.y, pane.width, pane.height, pixels_[i]});
     }
     auto drawn = Clock::now();
@@ -172,10 +186,11 @@ bool Viewer::frame() {
     return true;
 }
 
-void Viewer::run() {
+void Viewer::run(const std::function<void()>& each) {
     try {
-        while (frame()) {
-        }
+        do {
+            if (each) each();
+        } while (frame());
     } catch (const MachineError& error) {
         fs::path kept = freeName("doppel-pose", ".json");
         try {
@@ -370,7 +385,15 @@ Camera Viewer::cameraOf(const Pane& pane) const {
             pane.height};
 }
 
-PosedSkeleton Viewer::posed() const { return forwardKinematics(skeleton_, editor_->pose()); }
+const Skeleton& Viewer::skeleton() const {
+    if (skeletonBetas_ != editor_->betas()) {
+        skeletonBetas_ = editor_->betas();
+        skeleton_ = skeletonOf(avatar_->avatar.body, *skeletonBetas_);
+    }
+    return skeleton_;
+}
+
+PosedSkeleton Viewer::posed() const { return forwardKinematics(skeleton(), editor_->pose()); }
 
 glm::dvec3 Viewer::jointOnScreen(size_t joint) const {
     if (panes_.empty()) return {};
@@ -440,23 +463,28 @@ ShadeOptions Viewer::shadeOptions(const Pane& pane) const {
     return shade;
 }
 
-void Viewer::updatePictures() {
-    if (panes_.empty()) return;
-    Camera camera = cameraOf(panes_[0]);
+Viewer::Shown Viewer::wanted() const {
     ViewTransform view = viewOf(panes_[0]);
-    // Finer once the mouse rests, if that is not too slow to stay answering.
-    int samples = interacting() ? 1 : 2;
-    Shown now{editor_->pose(),  editor_->betas(), settings_, view.rotation,
-              view.translation, camera,           panes_,    textureVersion_,
-              backdropVersion_, samples};
+    // Finer once the mouse rests.
+    return {editor_->pose(),  editor_->betas(),     settings_, view.rotation,
+            view.translation, cameraOf(panes_[0]),  panes_,    textureVersion_,
+            backdropVersion_, interacting() ? 1 : 2};
+}
+
+void Viewer::updatePictures() {
+    if (panes_.empty()) {
+        shown_.reset();
+        return;
+    }
+    Shown now = wanted();
     bool sameView = shown_ && shown_->pose == now.pose && shown_->betas == now.betas &&
                     shown_->rotation == now.rotation && shown_->translation == now.translation &&
                     shown_->camera == now.camera && shown_->panes == now.panes;
     if (!sameView) ++viewVersion_;
     if (shown_) {
         Shown before = *shown_;
-        before.samples = samples;
-        if (before == now && shown_->samples >= samples) return;
+        before.samples = now.samples;
+        if (before == now && shown_->samples >= now.samples) return;
     }
 
     auto before = Clock::now();
@@ -471,7 +499,7 @@ void Viewer::updatePictures() {
         if (loaded != pane.texture) scene_->setTexture(textureOf(pane.texture));
         loaded = pane.texture;
         pixels_[i] = scene_->draw(pane.mesh, cameraOf(pane), viewOf(pane), shadeOptions(pane),
-                                  backgroundOf(pane), samples);
+                                  backgroundOf(pane), now.samples);
     }
     times_.draw = milliseconds(Clock::now() - before);
     shown_ = std::move(now);

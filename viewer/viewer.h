@@ -42,6 +42,7 @@ struct ViewSettings {
     bool captureCamera = false;
     bool joints = true, limits = true;
     bool panel = true, help = false;
+    bool figures = true;  // of speed, in the corner
     bool operator==(const ViewSettings&) const = default;
 };
 
@@ -68,7 +69,8 @@ public:
     bool frame();
     // Until the window is closed. Where the machine fails the pose is saved, and the message says
     // where.
-    void run();
+    // each: called before every turn.
+    void run(const std::function<void()>& each = {});
 
     const Window& window() const { return window_; }
     Window& window() { return window_; }
@@ -79,9 +81,11 @@ public:
     // Of the last picture, and where a joint is on it: window coordinates, depth in metres.
     glm::dvec3 jointOnScreen(size_t joint) const;
     PosedSkeleton posed() const;
+    // Of the shape that is set.
+    const Skeleton& skeleton() const;
     std::optional<size_t> selected() const { return selected_; }
     // Nothing is being computed, and the picture shows what is set.
-    bool settled();
+    bool settled() const;
     const std::string& message() const { return message_; }
     uint64_t pictureCount() const { return pictures_; }
     int64_t frameCount() const;  // of the timeline
@@ -107,13 +111,29 @@ private:
     enum class Drag { None, Orbit, Pan, Dolly, Joint, Ring };
     using Clock = std::chrono::steady_clock;
 
+    // What pictures show.
+    struct Shown {
+        Pose pose;
+        Betas betas{};
+        ViewSettings settings;
+        glm::dmat3 rotation{0};
+        glm::dvec3 translation{};
+        Camera camera{};
+        std::vector<Pane> panes;
+        uint64_t textures = 0, backdrop = 0;
+        int samples = 0;
+        bool operator==(const Shown&) const = default;
+    };
+
     // viewer.cpp
     void useAvatar(std::shared_ptr<LoadedAvatar> avatar);
     void reloadIfChanged();
     void advanceTimeline();
     void showTime();
     void layOut();
+    Shown wanted() const;
     void updatePictures();
+    bool messageVisible() const;
     void updateTextures();
     const std::vector<float>& textureOf(TextureKind kind) const;
     TextureKind bestTexture() const;
@@ -173,23 +193,12 @@ private:
     std::unique_ptr<Scene> scene_;
     std::unique_ptr<Painter> painter_;
     std::unique_ptr<PoseEditor> editor_;
-    Skeleton skeleton_{};
+    mutable Skeleton skeleton_{};
+    mutable std::optional<Betas> skeletonBetas_;  // whose it is
     ViewSettings settings_;
     OrbitCamera orbit_;
 
-    // The pictures as they are shown, and what they show.
-    struct Shown {
-        Pose pose;
-        Betas betas{};
-        ViewSettings settings;
-        glm::dmat3 rotation{0};
-        glm::dvec3 translation{};
-        Camera camera{};
-        std::vector<Pane> panes;
-        uint64_t textures = 0, backdrop = 0;
-        int samples = 0;
-        bool operator==(const Shown&) const = default;
-    };
+    // The pictures as they are shown.
     std::vector<Pane> panes_;
     std::vector<std::vector<uint32_t>> pixels_;  // per pane
     std::optional<Shown> shown_;
@@ -237,7 +246,7 @@ private:
     std::array<char, 512> pathText_{};
 
     std::string message_;
-    bool messageIsWrong_ = false;
+    bool messageIsWrong_ = false, messageDrawn_ = false;
     Clock::time_point messageSince_{};
 };
 

@@ -577,6 +577,8 @@ void Window::end(std::span<const PlacedPicture> pictures) {
         VK_CHECK(result);
 }
 
+void Window::skip() { ImGui::EndFrame(); }
+
 bool Window::closed() const { return glfwWindowShouldClose(parts_->window); }
 void Window::close() { glfwSetWindowShouldClose(parts_->window, GLFW_TRUE); }
 

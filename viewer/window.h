@@ -47,6 +47,9 @@ public:
     // on the screen one frame after the events that it answers.
     void end(std::span<const PlacedPicture> pictures);
 
+    // Instead of end(): the screen stays as it is.
+    void skip();
+
     bool closed() const;
     void close();
     // Framebuffer pixels; 0 while minimised.

@@ -66,16 +66,19 @@ vec3 normalOf(int v) {
     return vec3(normals.d[3 * v], normals.d[3 * v + 1], normals.d[3 * v + 2]);
 }
 
-// Pixels (of the picture) between the point with barycentrics b and the nearest edge of the face.
-float edgeDistance(ivec4 v, vec3 b) {
+// How much of a pixel's colour is an edge's, at the point with barycentrics b. Faces of a few
+// pixels keep most of their own colour, or a fine mesh would be nothing but edges.
+float edgeShare(ivec4 v, vec3 b) {
     RasterCamera c = camera.d[0];
     vec3 p0 = vertex(v.x), p1 = vertex(v.y), p2 = vertex(v.z);
     vec2 scale = vec2(c.fx, c.fy) / float(params.samples);
     vec2 s0 = scale * p0.xy / p0.z, s1 = scale * p1.xy / p1.z, s2 = scale * p2.xy / p2.z;
     float area = abs((s1.x - s0.x) * (s2.y - s0.y) - (s1.y - s0.y) * (s2.x - s0.x));
     vec3 lengths = vec3(distance(s1, s2), distance(s2, s0), distance(s0, s1));
-    vec3 distances = b * area / max(lengths, 1e-6);
-    return min(distances.x, min(distances.y, distances.z));
+    vec3 heights = area / max(lengths, 1e-6), distances = b * heights;
+    float nearest = min(distances.x, min(distances.y, distances.z));
+    float height = min(heights.x, min(heights.y, heights.z));
+    return clamp(1 - nearest, 0, 1) * clamp((height - 0.5) / 5, 0.12, 0.75);
 }
 
 vec3 colourOf(uint sampleIndex, int face) {
@@ -107,9 +110,8 @@ vec3 colourOf(uint sampleIndex, int face) {
         colour = toSrgb(toLinear(clamp(colour, 0, 1)) * (s.ambient + (1 - s.ambient) * light));
     }
     if (s.wireframe != 0) {
-        float line = clamp(1.25 - edgeDistance(v, b), 0, 1);
         float brightness = dot(colour, vec3(0.3, 0.6, 0.1));
-        colour = mix(colour, brightness > 0.45 ? vec3(0.05) : vec3(0.9), 0.75 * line);
+        colour = mix(colour, brightness > 0.45 ? vec3(0.05) : vec3(0.9), edgeShare(v, b));
     }
     return colour;
 }

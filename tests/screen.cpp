@@ -1,0 +1,131 @@
+#include "tests/screen.h"
+
+#include <X11/Xlib.h>
+#include <X11/Xutil.h>
+#include <X11/extensions/XTest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <stdexcept>
+
+namespace doppel::test {
+
+namespace {
+
+Display* asDisplay(void* display) { return static_cast<Display*>(display); }
+
+}  // namespace
+
+Screen::Screen(int width, int height) {
+    int number[2];
+    if (pipe(number) != 0) throw std::runtime_error("no pipe");
+    process_ = fork();
+    if (process_ == 0) {
+        close(number[0]);
+        std::string to = std::to_string(number[1]);
+        std::string size = std::to_string(width) + "x" + std::to_string(height) + "x24";
+        if (!freopen("/dev/null", "w", stderr)) _exit(126);
+        execlp("Xvfb", "Xvfb", "-displayfd", to.c_str(), "-screen", "0", size.c_str(), "-nolisten",
+               "tcp", "-noreset", nullptr);
+        _exit(127);
+    }
+    close(number[1]);
+    std::string text;
+    char c = 0;
+    while (read(number[0], &c, 1) == 1 && c != '\n') text += c;
+    close(number[0]);
+    if (text.empty()) throw std::runtime_error("Xvfb does not start; is it installed?");
+    setenv("DISPLAY", (":" + text).c_str(), 1);
+    display_ = XOpenDisplay((":" + text).c_str());
+    if (!display_) throw std::runtime_error("no connection to Xvfb");
+}
+
+Screen::~Screen() {
+    if (display_) XCloseDisplay(asDisplay(display_));
+    if (process_ > 0) {
+        kill(process_, SIGTERM);
+        waitpid(process_, nullptr, 0);
+    }
+}
+
+void Screen::move(double x, double y) {
+    XTestFakeMotionEvent(asDisplay(display_), -1, static_cast<int>(x + 0.5),
+                         static_cast<int>(y + 0.5), CurrentTime);
+    XSync(asDisplay(display_), False);
+}
+
+void Screen::press(int button) {
+    XTestFakeButtonEvent(asDisplay(display_), static_cast<unsigned>(button), True, CurrentTime);
+    XSync(asDisplay(display_), False);
+}
+
+void Screen::release(int button) {
+    XTestFakeButtonEvent(asDisplay(display_), static_cast<unsigned>(button), False, CurrentTime);
+    XSync(asDisplay(display_), False);
+}
+
+void Screen::keyDown(const std::string& name) {
+    KeyCode code = XKeysymToKeycode(asDisplay(display_), XStringToKeysym(name.c_str()));
+    XTestFakeKeyEvent(asDisplay(display_), code, True, CurrentTime);
+    XSync(asDisplay(display_), False);
+}
+
+void Screen::keyUp(const std::string& name) {
+    KeyCode code = XKeysymToKeycode(asDisplay(display_), XStringToKeysym(name.c_str()));
+    XTestFakeKeyEvent(asDisplay(display_), code, False, CurrentTime);
+    XSync(asDisplay(display_), False);
+}
+
+// The first child of the root that is more than a helper window of a toolkit.
+unsigned long Screen::window() {
+    ::Window root = 0, parent = 0, *children = nullptr, found = 0;
+    unsigned count = 0;
+    XQueryTree(asDisplay(display_), DefaultRootWindow(asDisplay(display_)), &root, &parent,
+               &children, &count);
+    for (unsigned i = 0; i < count && !found; ++i) {
+        char* name = nullptr;
+        if (XFetchName(asDisplay(display_), children[i], &name) && name) found = children[i];
+        if (name) XFree(name);
+    }
+    if (children) XFree(children);
+    if (!found) throw std::runtime_error("there is no window on the screen");
+    return found;
+}
+
+void Screen::resizeWindow(int width, int height) {
+    XResizeWindow(asDisplay(display_), window(), static_cast<unsigned>(width),
+                  static_cast<unsigned>(height));
+    XSync(asDisplay(display_), False);
+}
+
+void Screen::hideWindow() {
+    XUnmapWindow(asDisplay(display_), window());
+    XSync(asDisplay(display_), False);
+}
+
+void Screen::showWindow() {
+    XMapWindow(asDisplay(display_), window());
+    XSync(asDisplay(display_), False);
+}
+
+Image Screen::grab(int x, int y, int width, int height) {
+    XImage* grabbed =
+        XGetImage(asDisplay(display_), DefaultRootWindow(asDisplay(display_)), x, y,
+                  static_cast<unsigned>(width), static_cast<unsigned>(height), AllPlanes, ZPixmap);
+    if (!grabbed) throw std::runtime_error("the screen cannot be read");
+    Image image(width, height, 3);
+    for (int row = 0; row < height; ++row)
+        for (int column = 0; column < width; ++column) {
+            unsigned long pixel = XGetPixel(grabbed, column, row);
+            uint8_t* rgb = image.pixel(column, row);
+            rgb[0] = static_cast<uint8_t>(pixel >> 16);
+            rgb[1] = static_cast<uint8_t>(pixel >> 8);
+            rgb[2] = static_cast<uint8_t>(pixel);
+        }
+    XDestroyImage(grabbed);
+    return image;
+}
+
+}  // namespace doppel::test

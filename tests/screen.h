@@ -1,0 +1,47 @@
+// A screen of its own for tests that open windows, and hands on its mouse and keyboard.
+#pragma once
+
+#include <string>
+
+#include "engine/io/image.h"
+
+namespace doppel::test {
+
+// Starts Xvfb with a free display number and points DISPLAY at it; ends it with the object.
+class Screen {
+public:
+    Screen(int width, int height);  // throws std::runtime_error with the reason
+    ~Screen();
+    Screen(const Screen&) = delete;
+    Screen& operator=(const Screen&) = delete;
+
+    void move(double x, double y);
+    void press(int button);  // 1 left, 2 middle, 3 right, 4 and 5 the wheel up and down
+    void release(int button);
+    void click(int button) {
+        press(button);
+        release(button);
+    }
+    // Names as X has them: "z", "Control_L", "Home", "KP_1".
+    void keyDown(const std::string& name);
+    void keyUp(const std::string& name);
+    void key(const std::string& name) {
+        keyDown(name);
+        keyUp(name);
+    }
+
+    // Of the first window on the screen.
+    void resizeWindow(int width, int height);
+    void hideWindow();
+    void showWindow();
+
+    // What is on the screen.
+    Image grab(int x, int y, int width, int height);
+
+private:
+    unsigned long window();
+    void* display_ = nullptr;
+    int process_ = -1;
+};
+
+}  // namespace doppel::test

@@ -1,0 +1,600 @@
+// The viewer in a real window, driven by mouse and keys as a user drives it.
+#include "viewer/viewer.h"
+
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <stdlib.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "engine/error.h"
+#include "engine/io/gltf.h"
+#include "engine/io/video.h"
+#include "tests/files.h"
+#include "tests/op_test.h"
+#include "tests/screen.h"
+#include "trainer/motions.h"
+#include "trainer/networks.h"
+#include "trainer/train.h"
+
+namespace doppel {
+namespace {
+
+namespace fs = std::filesystem;
+using test::Folder;
+using test::messageOf;
+using test::Screen;
+
+constexpr int kWidth = 560, kHeight = 474;  // with the timeline; no panel unless a test opens it
+constexpr int kTextureSize = 32;
+
+// Colours that tell up from down and left from right in the atlas, and an untrained mesh network,
+// which moves nothing but does all the work.
+Avatar plainAvatar() {
+    Avatar avatar;
+    avatar.bodyArrays = readBodyArrays("default");
+    avatar.body = bodyFromNpz(avatar.bodyArrays);
+    avatar.betas = {0.5f, -1, 0.5f};
+    avatar.preset = presetByName("ci");
+    avatar.preset.mesh.hidden = 8;
+    avatar.preset.mesh.blocks = avatar.preset.mesh.layers = 1;
+    avatar.textureSize = kTextureSize;
+    for (int y = 0; y < kTextureSize; ++y)
+        for (int x = 0; x < kTextureSize; ++x)
+            for (float c : {0.2f + 0.75f * float(x) / kTextureSize,
+                            0.2f + 0.75f * float(y) / kTextureSize, ((x ^ y) & 4) ? 0.75f : 0.35f})
+                avatar.texture.push_back(c);
+    return avatar;
+}
+
+void addMeshNet(Avatar& avatar) {
+    Parameters net;
+    declareMeshNet(net, avatar, 1);
+    for (const Parameters::Entry& entry : net.entries())
+        avatar.meshNet[entry.name] = {
+            entry.shape, std::vector<float>(static_cast<size_t>(elementCount(entry.shape)))};
+}
+
+Motion turningMotion(size_t frames) {
+    Motion motion;
+    motion.fps = 20;
+    for (size_t f = 0; f < frames; ++f) {
+        Theta theta{};
+        auto root = uprightOrientation(0.3f * static_cast<float>(f));
+        std::ranges::copy(root, theta.begin());
+        theta[3 * 16 + 2] = -0.9f;
+        theta[3 * 17 + 2] = 0.9f;
+        motion.theta.push_back(theta);
+        motion.trans.push_back({0, 0.1f, 3.2f});
+    }
+    return motion;
+}
+
+class ViewerTest : public testing::Test {
+protected:
+    static void SetUpTestSuite() {
+        // As the window does, but before any device of this process.
+        setenv("LP_NATIVE_VECTOR_WIDTH", "256", 1);
+        screen_ = new Screen(1000, 760);
+        folder_ = new Folder;
+        Avatar avatar = plainAvatar();
+        addMeshNet(avatar);
+        writeAvatar(*folder_ / "avatar", avatar);
+    }
+    static void TearDownTestSuite() {
+        delete screen_;
+        delete folder_;
+    }
+
+    // A viewer without its panel, showing the avatar from the front.
+    Viewer& open(ViewOptions options = {}) {
+        if (options.avatar.empty()) options.avatar = *folder_ / "avatar";
+        if (options.width == 1280) options.width = kWidth, options.height = kHeight;
+        viewer_.emplace(options);
+        viewer_->settings().panel = viewer_->settings().figures = false;
+        screen_->move(3, 3);
+        settle();
+        viewer_->camera().yaw = viewer_->camera().pitch = 0;
+        screen_->key("Home");
+        settle();
+        return *viewer_;
+    }
+    void turn(int times = 3) {
+        for (int i = 0; i < times; ++i) ASSERT_TRUE(viewer_->frame());
+    }
+    // Until nothing changes any more.
+    void settle() {
+        turn(4);
+        for (int i = 0; i < 2000 && !viewer_->settled(); ++i) viewer_->frame();
+        ASSERT_TRUE(viewer_->settled());
+    }
+    void drag(glm::dvec2 from, glm::dvec2 to, int button = 1, int steps = 6) {
+        screen_->move(from.x, from.y);
+        turn();
+        screen_->press(button);
+        turn();
+        for (int i = 1; i <= steps; ++i) {
+            glm::dvec2 at = from + (to - from) * (double(i) / steps);
+            screen_->move(at.x, at.y);
+            turn(2);
+        }
+        screen_->release(button);
+        settle();
+    }
+    void keyWith(const std::string& modifier, const std::string& key) {
+        screen_->keyDown(modifier);
+        screen_->key(key);
+        screen_->keyUp(modifier);
+        settle();
+    }
+    glm::dvec2 at(size_t joint) { return viewer_->jointOnScreen(joint); }
+    // Metres that a distance on the screen is at the joint's depth.
+    double metres(double pixels, size_t joint) {
+        Camera camera = viewer_->camera().camera(kWidth, kHeight - Viewer::kTimelineHeight);
+        return pixels * viewer_->jointOnScreen(joint).z / camera.fx;
+    }
+    Image picture() {
+        const Pane& last = viewer_->panes().back();
+        return screen_->grab(0, 0, last.x + last.width, last.height);
+    }
+
+    static inline Screen* screen_ = nullptr;
+    static inline Folder* folder_ = nullptr;
+    std::optional<Viewer> viewer_;
+};
+
+// How many pixels differ visibly, as a share of all.
+double difference(const Image& a, const Image& b) {
+    if (a.width != b.width || a.height != b.height) return 1;
+    int different = 0;
+    for (int y = 0; y < a.height; ++y)
+        for (int x = 0; x < a.width; ++x)
+            for (int c = 0, seen = 0; c < 3 && !seen; ++c)
+                if (std::abs(a.pixel(x, y)[c] - b.pixel(x, y)[c]) > 24) ++different, seen = 1;
+    return double(different) / (a.width * a.height);
+}
+
+// Against tests/screens/NAME.png, a quarter of the size; DOPPEL_WRITE_SCREENS=1 writes it anew.
+void expectScreen(const Image& picture, const std::string& name) {
+    Image small = resize(picture, picture.width / 4, picture.height / 4);
+    fs::path path = fs::path(DOPPEL_SOURCE_DIR) / "tests" / "screens" / (name + ".png");
+    const char* writes = getenv("DOPPEL_WRITE_SCREENS");
+    if (writes && std::string_view(writes) == "1") {
+        fs::create_directories(path.parent_path());
+        writeImage(path, small);
+    }
+    ASSERT_TRUE(fs::exists(path)) << path;
+    EXPECT_LT(difference(small, readImage(path)), 0.01) << name;
+}
+
+TEST_F(ViewerTest, DraggingTheLeftWristMovesTheHandToTheCursor) {
+    Viewer& viewer = open();
+    Pose before = viewer.editor().pose();
+    glm::dvec2 from = at(joint::kLeftWrist), to = from + glm::dvec2(-30, -90);
+    double depth = viewer.jointOnScreen(joint::kLeftWrist).z;
+    drag(from, to);
+    EXPECT_LT(metres(glm::distance(at(joint::kLeftWrist), to), joint::kLeftWrist), 0.02);
+    EXPECT_NEAR(viewer.jointOnScreen(joint::kLeftWrist).z, depth, 0.02);
+    EXPECT_EQ(viewer.selected(), size_t{joint::kLeftWrist});
+    EXPECT_NE(viewer.editor().pose(), before);
+    // The other side stays to the last bit.
+    for (size_t j : {joint::kRightShoulder, joint::kRightElbow, joint::kLeftKnee})
+        EXPECT_EQ(viewer.editor().pose().rotation[j], before.rotation[j]);
+
+    Pose after = viewer.editor().pose();
+    keyWith("Control_L", "z");
+    EXPECT_EQ(viewer.editor().pose(), before);
+    keyWith("Control_L", "y");
+    EXPECT_EQ(viewer.editor().pose(), after);
+    EXPECT_EQ(viewer.editor().steps(), 1u);
+    expectScreen(picture(), "wrist");
+}
+
+TEST_F(ViewerTest, EscapeGivesADragUp) {
+    Viewer& viewer = open();
+    Pose before = viewer.editor().pose();
+    glm::dvec2 from = at(joint::kRightAnkle);
+    screen_->move(from.x, from.y);
+    turn();
+    screen_->press(1);
+    turn();
+    screen_->move(from.x + 40, from.y - 60);
+    turn(4);
+    EXPECT_NE(viewer.editor().pose(), before);
+    screen_->key("Escape");
+    turn(4);
+    EXPECT_EQ(viewer.editor().pose(), before);
+    screen_->release(1);
+    settle();
+    EXPECT_EQ(viewer.editor().pose(), before);
+    EXPECT_FALSE(viewer.editor().canUndo());
+}
+
+TEST_F(ViewerTest, PinnedFeetStayWhereTheyAre) {
+    Viewer& viewer = open();
+    for (size_t foot : {joint::kLeftAnkle, joint::kRightAnkle}) {
+        glm::dvec2 place = at(foot);
+        screen_->move(place.x, place.y);
+        turn();
+        screen_->key("p");
+        settle();
+    }
+    PosedSkeleton before = viewer.posed();
+    glm::dvec2 from = at(joint::kPelvis);
+    drag(from, from + glm::dvec2(0, 25));
+    PosedSkeleton after = viewer.posed();
+    EXPECT_GT(glm::distance(after.position[joint::kPelvis], before.position[joint::kPelvis]), 0.05);
+    for (size_t foot : {joint::kLeftAnkle, joint::kRightAnkle})
+        EXPECT_LT(glm::distance(after.position[foot], before.position[foot]), 0.01);
+}
+
+TEST_F(ViewerTest, ARingTurnsTheSelectedJoint) {
+    Viewer& viewer = open();
+    glm::dvec2 elbow = at(joint::kLeftElbow);
+    screen_->move(elbow.x, elbow.y);
+    turn();
+    screen_->click(1);
+    settle();
+    ASSERT_EQ(viewer.selected(), size_t{joint::kLeftElbow});
+    Pose before = viewer.editor().pose();
+    // Somewhere on a circle of the gizmo's size a ring is met, whichever way the rings lie.
+    bool turned = false;
+    for (double angle = 0; angle < 6.2 && !turned; angle += 0.1) {
+        glm::dvec2 on = elbow + 74.0 * glm::dvec2(std::cos(angle), std::sin(angle));
+        if (on.x < 4 || on.y < 4 || on.x > kWidth - 4) continue;
+        OrbitCamera camera = viewer.camera();
+        drag(on, on + 25.0 * glm::dvec2(-std::sin(angle), std::cos(angle)));
+        turned = viewer.editor().pose() != before;
+        viewer.camera() = camera;
+        settle();
+    }
+    ASSERT_TRUE(turned);
+    Pose after = viewer.editor().pose();
+    for (size_t j = 0; j < joint::kCount; ++j)
+        EXPECT_EQ(after.rotation[j] == before.rotation[j], j != joint::kLeftElbow) << jointName(j);
+    screen_->key("r");
+    settle();
+    EXPECT_EQ(viewer.editor().pose(), before);
+}
+
+TEST_F(ViewerTest, OrbitingKeepsTheTargetCentred) {
+    Viewer& viewer = open();
+    OrbitCamera before = viewer.camera();
+    Image front = picture();
+    drag({40, 380}, {180, 330}, 2);
+    EXPECT_GT(std::abs(viewer.camera().yaw - before.yaw), 0.5);
+    EXPECT_LT(viewer.camera().pitch, -0.1);
+    EXPECT_EQ(viewer.camera().target, before.target);
+    EXPECT_EQ(viewer.camera().distance, before.distance);
+    const Pane& pane = viewer.panes().back();
+    glm::dvec3 centre = projected(before.target, viewer.camera().view(),
+                                  viewer.camera().camera(pane.width, pane.height));
+    EXPECT_NEAR(centre.x, pane.width / 2.0, 1e-6);
+    EXPECT_NEAR(centre.y, pane.height / 2.0, 1e-6);
+    EXPECT_GT(difference(front, picture()), 0.05);
+    expectScreen(picture(), "orbit");
+    drag({40, 380}, {60, 380}, 3);  // pans
+    EXPECT_NE(viewer.camera().target, before.target);
+    double distance = viewer.camera().distance;
+    screen_->click(4);
+    settle();
+    EXPECT_NEAR(viewer.camera().distance, 0.9 * distance, 1e-9);
+    screen_->click(5);
+    settle();
+    EXPECT_NEAR(viewer.camera().distance, distance, 1e-9);
+}
+
+TEST_F(ViewerTest, KeysLookFromTheSides) {
+    Viewer& viewer = open();
+    glm::dvec2 left = at(joint::kLeftWrist), right = at(joint::kRightWrist);
+    EXPECT_GT(left.x, right.x + 50);  // facing us, her left is on our right
+    screen_->key("3");
+    settle();
+    EXPECT_LT(std::abs(at(joint::kLeftWrist).x - at(joint::kRightWrist).x), 40);
+    keyWith("Shift_L", "1");  // from behind
+    EXPECT_LT(at(joint::kLeftWrist).x + 50, at(joint::kRightWrist).x);
+    screen_->key("7");
+    settle();
+    EXPECT_LT(std::abs(at(joint::kHead).y - at(joint::kPelvis).y), 40);
+    screen_->key("1");
+    screen_->key("5");
+    settle();
+    EXPECT_TRUE(viewer.camera().orthographic);
+    EXPECT_NEAR(at(joint::kLeftWrist).x, left.x, 12);
+    expectScreen(picture(), "orthographic");
+}
+
+TEST_F(ViewerTest, EverySurfaceLooksDifferent) {
+    Viewer& viewer = open();
+    std::vector<Image> seen;
+    const char* names[] = {"texture", "clay",  "normals", "visibility",
+                           "checker", "parts", "clamps"};
+    for (uint32_t paint = kPaintTexture; paint <= kPaintClamps; ++paint) {
+        viewer.settings().paint = paint;
+        settle();
+        Image now = picture();
+        for (const Image& other : seen) EXPECT_GT(difference(now, other), 0.02) << names[paint];
+        expectScreen(now, names[paint]);
+        seen.push_back(now);
+    }
+    viewer.settings().paint = kPaintTexture;
+    viewer.settings().lit = true;
+    settle();
+    expectScreen(picture(), "lit");
+    EXPECT_GT(difference(picture(), seen[0]), 0.02);
+    viewer.settings().lit = false;
+    viewer.settings().wireframe = true;
+    viewer.settings().atlas = true;
+    settle();
+    expectScreen(picture(), "wireframe");
+    viewer.settings().wireframe = viewer.settings().atlas = false;
+    viewer.settings().split = Split::Meshes;
+    settle();
+    ASSERT_EQ(viewer.panes().size(), 2u);
+    expectScreen(picture(), "split");
+}
+
+TEST_F(ViewerTest, ThePanelOpensAndDoesNotOrbit) {
+    Viewer& viewer = open();
+    screen_->key("n");
+    settle();
+    ASSERT_TRUE(viewer.settings().panel);
+    const Pane& pane = viewer.panes().back();
+    EXPECT_EQ(pane.width, kWidth - Viewer::kPanelWidth);
+    double yaw = viewer.camera().yaw;
+    drag({pane.width + 60.0, 420}, {pane.width + 200.0, 420});
+    EXPECT_EQ(viewer.camera().yaw, yaw);
+    EXPECT_FALSE(viewer.settings().wireframe);
+    screen_->move(pane.width + 18.0, 132);  // its box
+    turn();
+    screen_->click(1);
+    settle();
+    EXPECT_TRUE(viewer.settings().wireframe);
+}
+
+TEST_F(ViewerTest, WorksOnlyWhenSomethingChanged) {
+    Viewer& viewer = open();
+    uint64_t pictures = viewer.pictureCount();
+    turn(3);
+    EXPECT_EQ(viewer.pictureCount(), pictures);
+    screen_->move(20, 20);  // away from everything
+    settle();
+    EXPECT_LE(viewer.pictureCount(), pictures);
+    viewer.camera().yaw = 0.4;
+    settle();
+    EXPECT_GT(viewer.pictureCount(), pictures);
+}
+
+TEST_F(ViewerTest, SurvivesResizingHidingAndALostSwapchain) {
+    Viewer& viewer = open();
+    Image before = picture();
+    int swapchains = viewer.window().swapchainCount();
+    screen_->resizeWindow(800, 600);
+    settle();
+    EXPECT_EQ(viewer.window().width(), 800);
+    EXPECT_EQ(viewer.panes().back().height, 600 - Viewer::kTimelineHeight);
+    EXPECT_GT(viewer.window().swapchainCount(), swapchains);
+    EXPECT_GT(difference(screen_->grab(0, 0, 800, 500), Image(800, 500, 3, 0)), 0.5);
+    for (auto [width, height] :
+         {std::pair{1, 1}, {3, 700}, {400, 20}, {220, 160}, {kWidth, kHeight}}) {
+        screen_->resizeWindow(width, height);
+        turn(6);
+    }
+    settle();
+    screen_->hideWindow();
+    turn(4);
+    screen_->showWindow();
+    settle();
+    viewer.window().loseSwapchain();
+    viewer.camera().yaw = 0.2;
+    settle();
+    viewer.camera().yaw = 0;
+    screen_->key("Home");
+    screen_->move(9, 9);  // the window has to hear that the mouse is in it again
+    turn();
+    screen_->move(3, 3);
+    settle();
+    EXPECT_LT(difference(picture(), before), 0.002);
+}
+
+TEST_F(ViewerTest, PlaysMotionsThroughTheCapturesCamera) {
+    Motion motion = turningMotion(9);
+    fs::path poses = *folder_ / "poses.npz";
+    Npz arrays = posesArrays(motion.theta, motion.trans, {});
+    arrays.set("fps", Array::f32({}, std::array{20.0f}));
+    writeNpz(poses, arrays, false);
+    ViewOptions options;
+    options.motion = poses;
+    Viewer& viewer = open(options);
+    EXPECT_EQ(viewer.frameCount(), 9);
+    Pose first = viewer.editor().pose();
+    screen_->key("Right");
+    settle();
+    EXPECT_EQ(viewer.timeline(), 1);
+    EXPECT_NE(viewer.editor().pose(), first);
+    screen_->key("space");
+    double sum = 0, last = viewer.timeline();
+    for (int i = 0; i < 60; ++i) {
+        turn(1);
+        sum += std::abs(viewer.timeline() - last);
+        last = viewer.timeline();
+    }
+    EXPECT_GT(sum, 1);
+    screen_->key("space");
+    settle();
+    screen_->key("Left");
+    settle();
+    EXPECT_EQ(viewer.timeline(), std::floor(viewer.timeline()));
+    EXPECT_EQ(messageOf<InputError>([&] { viewer.loadMotion(*folder_ / "none.npz"); }).empty(),
+              false);
+    EXPECT_EQ(viewer.frameCount(), 9);  // the old one is still there
+}
+
+TEST_F(ViewerTest, KeyframesAreSavedAndReadAgain) {
+    Viewer& viewer = open();
+    screen_->key("k");
+    settle();
+    glm::dvec2 from = at(joint::kRightWrist);
+    drag(from, from + glm::dvec2(20, -80));
+    viewer.editor().setKeyframe(10);
+    EXPECT_EQ(viewer.frameCount(), 11);
+    fs::path poses = *folder_ / "keys.npz";
+    viewer.savePoses(poses);
+    Motion motion = readMotion(poses);
+    ASSERT_EQ(motion.size(), 2u);
+    for (size_t k = 0; k < 72; ++k)
+        EXPECT_NEAR(motion.theta[1][k], thetaOf(viewer.editor().poseAt(10))[k], 1e-6);
+    screen_->key("Right");
+    settle();
+    EXPECT_EQ(viewer.timeline(), 1);
+    EXPECT_EQ(viewer.editor().pose(), viewer.editor().poseAt(1));
+}
+
+TEST_F(ViewerTest, FilmsWhatIsShown) {
+    fs::path poses = *folder_ / "film.npz";
+    Motion motion = turningMotion(5);
+    writeNpz(poses, posesArrays(motion.theta, motion.trans, {}), false);
+    ViewOptions options;
+    options.motion = poses;
+    Viewer& viewer = open(options);
+    fs::path film = *folder_ / "film.mp4", frames = *folder_ / "frames";
+    for (const fs::path& out : {film, frames}) {
+        viewer.startFilm(out, 200);
+        for (int i = 0; i < 500 && viewer.working(); ++i) viewer.frame();
+        ASSERT_FALSE(viewer.working());
+    }
+    VideoReader reader(film);
+    EXPECT_EQ(reader.frameCount(), 5);
+    EXPECT_EQ(reader.width(), 200);
+    Image first, last;
+    reader.next(first);
+    for (int i = 1; i < 5; ++i) reader.next(last);
+    EXPECT_GT(difference(first, last), 0.02);
+    EXPECT_LT(difference(resize(readImage(frames / "0004.png"), last.width, last.height), last),
+              0.1);
+    // What is given up leaves nothing.
+    viewer.startFilm(*folder_ / "half.mp4", 0);
+    turn(2);
+    screen_->key("Escape");
+    settle();
+    EXPECT_FALSE(fs::exists(*folder_ / "half.mp4"));
+    EXPECT_EQ(viewer.timeline(), 0);
+    EXPECT_EQ(messageOf<InputError>([&] { viewer.startFilm(*folder_ / "avatar", 0); }).empty(),
+              false);
+}
+
+TEST_F(ViewerTest, ExportsWhatIsShown) {
+    Viewer& viewer = open();
+    glm::dvec2 from = at(joint::kLeftWrist);
+    drag(from, from + glm::dvec2(0, -60));
+    fs::path out = *folder_ / "pose.glb";
+    viewer.startExport(out);
+    for (int i = 0; i < 3000 && viewer.working(); ++i) viewer.frame();
+    ASSERT_TRUE(fs::exists(out)) << viewer.message();
+    EXPECT_GT(fs::file_size(out), 100'000u);
+    EXPECT_NE(messageOf<InputError>([&] { viewer.startExport("a.obj"); }).find(".glb"),
+              std::string::npos);
+}
+
+TEST_F(ViewerTest, PaintsTheViewInTheBackground) {
+    fs::path folder = *folder_ / "painted";
+    {
+        Device device;
+        Avatar avatar = plainAvatar();
+        avatar.preset.texture.constantInput = false;
+        avatar.preset.texture.textureSize = kTextureSize;
+        avatar.preset.texture.width = 2;
+        avatar.preset.texture.depth = 3;
+        avatar.textureNet = TextureNet(device, avatar.preset.texture, 3).weights();
+        writeAvatar(folder, avatar);
+    }
+    ViewOptions options;
+    options.avatar = folder;
+    Viewer& viewer = open(options);
+    EXPECT_GT(viewer.times().paint, 0);
+    Image painted = picture();  // an untrained network's grey, not the coloured texture of the file
+    viewer.settings().texture = TextureKind::Baked;
+    settle();
+    EXPECT_GT(difference(painted, picture()), 0.02);
+}
+
+TEST_F(ViewerTest, FollowsATrainingAndOutlivesItsFolder) {
+    fs::path folder = *folder_ / "training";
+    Avatar avatar = plainAvatar();
+    writeAvatar(folder, avatar);
+    ViewOptions options;
+    options.avatar = folder;
+    Viewer& viewer = open(options);
+    Image before = picture();
+    for (float& value : avatar.texture) value = 1 - value;
+    writeAvatar(liveFolder(folder), avatar);
+    fs::last_write_time(liveFolder(folder) / "avatar.toml",
+                        fs::last_write_time(folder / "avatar.toml") + std::chrono::seconds(2));
+    for (int i = 0; i < 100 && viewer.message().empty(); ++i) viewer.frame();
+    settle();
+    EXPECT_EQ(viewer.message(), "the training's present state");
+    EXPECT_GT(difference(before, picture()), 0.02);
+
+    fs::remove_all(folder);
+    turn(5);
+    glm::dvec2 from = at(joint::kLeftWrist);
+    drag(from, from + glm::dvec2(0, -60));
+    EXPECT_TRUE(viewer.editor().canUndo());
+    viewer.startExport(*folder_ / "orphan.glb");
+    for (int i = 0; i < 3000 && viewer.working(); ++i) viewer.frame();
+    EXPECT_TRUE(fs::exists(*folder_ / "orphan.glb")) << viewer.message();
+}
+
+TEST_F(ViewerTest, ASecondWindowAndAFailingMachine) {
+    Viewer& viewer = open();
+    fs::path program = fs::read_symlink("/proc/self/exe").parent_path() / "doppel";
+    std::string avatar = (*folder_ / "avatar").string();
+    pid_t second = fork();
+    if (second == 0) {
+        execl(program.c_str(), program.c_str(), "view", avatar.c_str(), "--size", "300x300",
+              nullptr);
+        _exit(127);
+    }
+    auto until = std::chrono::steady_clock::now() + std::chrono::seconds(6);
+    while (std::chrono::steady_clock::now() < until) viewer.frame();
+    EXPECT_EQ(waitpid(second, nullptr, WNOHANG), 0) << "the second one has ended";
+    kill(second, SIGTERM);
+    waitpid(second, nullptr, 0);
+
+    // A lost device looks like this to the loop.
+    Pose pose = viewer.editor().pose();
+    pose.rotation[joint::kHead] = {0, 0.25, 0};
+    viewer.editor().setPose(pose);
+    fs::path here = fs::current_path();
+    fs::current_path(folder_->path());
+    std::string message = messageOf<MachineError>(
+        [&] { viewer.run([] { throwMachine("vkQueueSubmit: VK_ERROR_DEVICE_LOST"); }); });
+    EXPECT_NE(message.find("VK_ERROR_DEVICE_LOST"), std::string::npos);
+    EXPECT_NE(message.find("doppel-pose-1.json"), std::string::npos);
+    viewer_.reset();
+    ViewOptions options;
+    options.pose = "doppel-pose-1.json";
+    EXPECT_NEAR(open(options).editor().pose().rotation[joint::kHead].y, 0.25, 1e-6);
+    fs::current_path(here);
+}
+
+TEST_F(ViewerTest, SaysWhatIsWrong) {
+    ViewOptions options;
+    options.avatar = *folder_ / "nobody";
+    options.width = 300, options.height = 300;
+    EXPECT_NE(messageOf<InputError>([&] { Viewer viewer(options); }).find("avatar.toml"),
+              std::string::npos);
+    Viewer& viewer = open();
+    viewer.window().setClipboard("{\"doppel_pose\": 1, \"joints\": {\"left_wing\": [0, 0, 0]}}");
+    keyWith("Control_L", "v");
+    EXPECT_NE(viewer.message().find("left_wing"), std::string::npos);
+    EXPECT_FALSE(viewer.editor().canUndo());
+    keyWith("Control_L", "c");
+    EXPECT_NE(viewer.window().clipboard().find("left_wrist"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace doppel
