@@ -14,6 +14,7 @@
 #include "engine/error.h"
 #include "engine/io/image.h"
 #include "engine/npz.h"
+#include "trainer/bvh.h"
 
 namespace doppel {
 namespace fs = std::filesystem;
@@ -634,9 +635,14 @@ Motion Motion::subset(std::span<const size_t> indices) const {
 Motion readMotion(const fs::path& path) {
     std::error_code error;
     if (!fs::exists(path, error)) {
-        throwInput("{}: expected a motion, a capture's folder or a poses.npz, found nothing",
-                   path.string());
+        throwInput(
+            "{}: expected a motion: a capture's folder, a poses.npz or a .bvh, found nothing",
+            path.string());
     }
+    std::string extension = path.extension().string();
+    std::transform(extension.begin(), extension.end(), extension.begin(),
+                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    if (extension == ".bvh" && !fs::is_directory(path, error)) return motionFromBvh(readBvh(path));
     Motion motion;
     motion.source = path;
     const bool isFolder = fs::is_directory(path, error);

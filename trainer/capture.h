@@ -113,7 +113,7 @@ struct Motion {
     Motion subset(std::span<const size_t> indices) const;
 };
 
-// A capture's folder, or a poses.npz (betas may be missing there; a 0-d `fps` is believed).
+// A capture's folder, a poses.npz (betas may be missing; a 0-d `fps` is believed), or a *.bvh.
 Motion readMotion(const std::filesystem::path& path);
 
 // The motion seen by the cameras of a cameras.npz (one for all frames, or one per frame), into

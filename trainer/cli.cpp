@@ -364,7 +364,7 @@ struct CommandLine {
                 "doppel render avatar --motion box --camera turntable --background \"#ffffff\" "
                 "--out dance.mp4");
         c.add_option("AVATAR", render.avatar, "Avatar's folder")->required();
-        c.add_option("--motion", render.motion, "A capture or a poses.npz")->required();
+        c.add_option("--motion", render.motion, "A capture, a poses.npz or a .bvh")->required();
         c.add_option("--out", render.out, "FILE.mp4, or a folder for PNG pictures")->required();
         c.add_option("--camera", render.camera, "capture, turntable, or a cameras.npz")
             ->capture_default_str();
@@ -447,7 +447,7 @@ struct CommandLine {
         c.add_option("AVATAR", exporting.avatar, "Avatar's folder")->required();
         c.add_option("--out", exporting.out, "FILE.glb")->required();
         c.add_option("--motion", exporting.motion,
-                     "A capture or a poses.npz, which becomes an animation");
+                     "A capture, a poses.npz or a .bvh, which becomes an animation");
         addFrames(c, exporting.frames, "Frames of the motion");
         c.add_option("--texture", exporting.texture,
                      "baked (the refined textures of many views in one), coarse, or best: baked "
@@ -463,7 +463,7 @@ struct CommandLine {
             "with the\nleft or middle button, press H for all keys. While a training runs in the "
             "avatar's folder its\npresent state is shown.");
         c.add_option("AVATAR", view.avatar, "Avatar's folder")->required();
-        c.add_option("--motion", view.motion, "A capture or a poses.npz to play");
+        c.add_option("--motion", view.motion, "A capture, a poses.npz or a .bvh to play");
         addFrames(c, view.frames, "Frames of the motion");
         c.add_option("--pose", view.pose, "A pose to begin with, JSON as the viewer copies it");
         c.add_option_function<std::string>(

@@ -40,6 +40,7 @@ void runRender(const RenderOptions& options) {
     } else if (options.camera == "turntable") {
         // The motion goes on, on the spot, while the camera goes round.
         Shot shot = restShot(device, avatar, options.size > 0 ? options.size : 512);
+        motion = inCameraSpace(std::move(motion));
         for (size_t i = 0; i < motion.size(); ++i) {
             shot.theta = motion.theta[i];
             shots.push_back(

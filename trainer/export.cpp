@@ -9,6 +9,7 @@
 
 #include "engine/error.h"
 #include "nn/body.h"
+#include "trainer/joints.h"
 #include "trainer/sheet.h"
 
 namespace doppel {
@@ -16,11 +17,6 @@ namespace doppel {
 namespace {
 
 constexpr size_t kJoints = BodyModel::kJoints, kLeftShoulder = 16, kRightShoulder = 17;
-constexpr std::array<const char*, kJoints> kJointNames = {
-    "pelvis",     "left_hip",    "right_hip",    "spine1",      "left_knee",     "right_knee",
-    "spine2",     "left_ankle",  "right_ankle",  "spine3",      "left_foot",     "right_foot",
-    "neck",       "left_collar", "right_collar", "head",        "left_shoulder", "right_shoulder",
-    "left_elbow", "right_elbow", "left_wrist",   "right_wrist", "left_hand",     "right_hand"};
 
 // ---- mesh ---------------------------------------------------------------------------------------
 
@@ -110,15 +106,9 @@ void fillBetweenCharts(Image& image, std::vector<uint8_t> covered) {
     }
 }
 
-// ---- motion -------------------------------------------------------------------------------------
-
-glm::dquat jointRotation(const Theta& theta, size_t joint) {
-    glm::dvec3 v(theta[3 * joint], theta[3 * joint + 1], theta[3 * joint + 2]);
-    double angle = glm::length(v);
-    return angle > 0 ? glm::angleAxis(angle, v / angle) : glm::dquat(1, 0, 0, 0);
-}
-
 }  // namespace
+
+// ---- motion -------------------------------------------------------------------------------------
 
 glm::dquat uprightRotation(const Motion& motion) {
     glm::dquat fromCamera(0, 1, 0, 0);  // half a turn about x
@@ -272,7 +262,7 @@ GltfScene avatarScene(const Avatar& avatar, std::span<const float> bindVerts, co
         for (size_t c = 0; c < 3; ++c)
             place[c] = static_cast<float>(rig.rest[j][static_cast<int>(c)]);
         place[1] -= ground;
-        scene.skeleton.push_back({kJointNames[j], std::max(body.parents[j], -1), place});
+        scene.skeleton.push_back({jointName(j), std::max(body.parents[j], -1), place});
     }
     CHECK(texture != TextureKind::Refined, "an exported mesh has one texture for all views");
     bool baked = texture != TextureKind::Coarse && !avatar.bakedTexture.empty();

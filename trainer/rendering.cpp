@@ -7,6 +7,8 @@
 
 #include "engine/io/image.h"
 #include "trainer/background.h"
+#include "trainer/export.h"
+#include "trainer/joints.h"
 #include "trainer/motions.h"
 #include "trainer/picture_sequence.h"
 #include "trainer/progress.h"
@@ -55,6 +57,18 @@ Shot turned(const Shot& shot, double turns) {
     Shot result = shot;
     for (int k = 0; k < 3; ++k) result.theta[static_cast<size_t>(k)] = static_cast<float>(root[k]);
     return result;
+}
+
+Motion inCameraSpace(Motion motion) {
+    const glm::dquat turn = glm::dquat(0, 1, 0, 0) * uprightRotation(motion);
+    if (std::abs(turn.w) > 1 - 1e-12) return motion;
+    for (size_t i = 0; i < motion.size(); ++i) {
+        setJointRotation(motion.theta[i], 0, turn * jointRotation(motion.theta[i], 0));
+        Trans& trans = motion.trans[i];
+        const glm::dvec3 place = turn * glm::dvec3(trans[0], trans[1], trans[2]);
+        for (int k = 0; k < 3; ++k) trans[static_cast<size_t>(k)] = static_cast<float>(place[k]);
+    }
+    return motion;
 }
 
 std::vector<Shot> throughOwnCameras(const Motion& motion) {

@@ -1,0 +1,702 @@
+#include "trainer/bvh.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <charconv>
+#include <cmath>
+#include <cstdint>
+#include <initializer_list>
+#include <optional>
+
+#include "engine/atomic_file.h"
+#include "engine/error.h"
+#include "trainer/joints.h"
+
+namespace doppel {
+
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr uint64_t kLargestFile = uint64_t{1} << 30;
+constexpr size_t kMostJoints = 4096, kDeepest = 512, kLongestName = 128;
+constexpr double kLargestNumber = 1e9;
+
+// ---- text ---------------------------------------------------------------------------------------
+
+// Something from the file in an error: short, printable.
+std::string shown(std::string_view text) {
+    constexpr size_t kShown = 40;
+    std::string result(text.substr(0, kShown));
+    for (char& c : result)
+        if (static_cast<unsigned char>(c) < ' ') c = '?';
+    return text.size() > kShown ? result + "…" : result;
+}
+
+bool sameWord(std::string_view a, std::string_view b) {
+    return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](char x, char y) {
+        return std::tolower(static_cast<unsigned char>(x)) ==
+               std::tolower(static_cast<unsigned char>(y));
+    });
+}
+
+class Text {
+public:
+    Text(std::string_view text, const std::string& file) : text_(text), file_(file) {
+        if (text_.starts_with("\xef\xbb\xbf")) text_.remove_prefix(3);
+    }
+
+    template <typename... Args>
+    [[noreturn]] void fail(fmt::format_string<Args...> format, Args&&... args) const {
+        throwInput("{}: line {}: {}", file_, line_,
+                   fmt::format(format, std::forward<Args>(args)...));
+    }
+    [[noreturn]] void failExpected(std::string_view expected, std::string_view found) const {
+        if (found.empty()) fail("expected {}, found the end of the file", expected);
+        fail("expected {}, found \"{}\"", expected, shown(found));
+    }
+
+    // The next word, or brace; empty at the end.
+    std::string_view word() {
+        skip(true);
+        return wordHere();
+    }
+    // The next one of this line; empty at its end.
+    std::string_view wordOfLine() {
+        skip(false);
+        return at_ < text_.size() && text_[at_] != '\n' ? wordHere() : std::string_view();
+    }
+    void expect(std::string_view expected) {
+        const std::string_view found = word();
+        if (!sameWord(found, expected)) failExpected(expected, found);
+    }
+    // What is left of this line, before a brace; names may have spaces in them.
+    std::string_view name() {
+        skip(false);
+        const size_t begin = at_;
+        while (at_ < text_.size() && text_[at_] != '\n' && text_[at_] != '{') ++at_;
+        size_t end = at_;
+        while (end > begin && isSpace(text_[end - 1])) --end;
+        return text_.substr(begin, end - begin);
+    }
+    double number(std::string_view what) { return numberOf(word(), what); }
+    double numberOf(std::string_view found, std::string_view what) const {
+        if (found.empty()) failExpected(what, found);
+        std::string_view digits = found;
+        if (digits.starts_with('+')) digits.remove_prefix(1);
+        double value = 0;
+        const auto [end, error] =
+            std::from_chars(digits.data(), digits.data() + digits.size(), value);
+        if (error != std::errc() || end != digits.data() + digits.size() ||
+            !(std::abs(value) <= kLargestNumber))
+            failExpected(what, found);
+        return value;
+    }
+    size_t left() const { return text_.size() - at_; }
+    int line() const { return line_; }
+
+private:
+    static bool isSpace(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n'; }
+
+    void skip(bool overLines) {
+        for (; at_ < text_.size() && isSpace(text_[at_]); ++at_) {
+            if (text_[at_] != '\n') continue;
+            if (!overLines) return;
+            ++line_;
+        }
+    }
+    std::string_view wordHere() {
+        const size_t begin = at_;
+        while (at_ < text_.size() && !isSpace(text_[at_])) {
+            const bool brace = text_[at_] == '{' || text_[at_] == '}';
+            if (brace && at_ > begin) break;
+            ++at_;
+            if (brace) break;
+        }
+        return text_.substr(begin, at_ - begin);
+    }
+
+    std::string_view text_;
+    const std::string& file_;
+    size_t at_ = 0;
+    int line_ = 1;
+};
+
+std::optional<Bvh::Channel> channelOf(std::string_view word) {
+    constexpr std::array<std::string_view, 6> kNames = {"Xposition", "Yposition", "Zposition",
+                                                        "Xrotation", "Yrotation", "Zrotation"};
+    for (size_t i = 0; i < kNames.size(); ++i)
+        if (sameWord(word, kNames[i])) return static_cast<Bvh::Channel>(i);
+    return {};
+}
+
+void readHierarchy(Text& text, Bvh& bvh) {
+    text.expect("HIERARCHY");
+    struct Open {
+        int joint;
+        bool offset = false, channels = false;
+    };
+    std::vector<Open> open;
+    do {
+        std::string_view word = text.word();
+        const bool root = sameWord(word, "ROOT"), joint = sameWord(word, "JOINT");
+        const bool end = sameWord(word, "End");
+        if (open.empty() && !root) text.failExpected("ROOT", word);
+        if (root || joint || end) {
+            if (root && !open.empty()) text.fail("expected JOINT within a joint, found ROOT");
+            if (end) text.expect("Site");
+            std::string name(text.name());
+            if (end) name = "End Site";
+            if (name.empty() || name.size() > kLongestName)
+                text.fail("expected a joint's name of 1 to {} bytes, found \"{}\"", kLongestName,
+                          shown(name));
+            if (bvh.joints.size() >= kMostJoints)
+                text.fail("expected at most {} joints, found more", kMostJoints);
+            if (open.size() >= kDeepest)
+                text.fail("expected joints nested at most {} deep, found more", kDeepest);
+            text.expect("{");
+            Bvh::Joint added;
+            added.name = name;
+            added.parent = open.empty() ? -1 : open.back().joint;
+            open.push_back({static_cast<int>(bvh.joints.size())});
+            bvh.joints.push_back(std::move(added));
+            continue;
+        }
+        Bvh::Joint& current = bvh.joints[static_cast<size_t>(open.back().joint)];
+        if (sameWord(word, "OFFSET")) {
+            if (std::exchange(open.back().offset, true))
+                text.fail("expected one OFFSET for {}, found another", shown(current.name));
+            for (int c = 0; c < 3; ++c) current.offset[c] = text.number("a number of an OFFSET");
+        } else if (sameWord(word, "CHANNELS")) {
+            if (std::exchange(open.back().channels, true))
+                text.fail("expected CHANNELS once for {}, found them twice", shown(current.name));
+            const double count = text.number("the number of CHANNELS");
+            if (!(count >= 0) || count > 6 || count != std::floor(count))
+                text.fail("expected 0 to 6 CHANNELS, found {}", count);
+            current.first = bvh.channels;
+            for (int i = 0; i < static_cast<int>(count); ++i) {
+                const std::string_view found = text.word();
+                const auto channel = channelOf(found);
+                if (!channel) text.failExpected("a channel such as Xrotation", found);
+                if (std::find(current.channels.begin(), current.channels.end(), *channel) !=
+                    current.channels.end())
+                    text.fail("expected each channel once, found {} twice", shown(found));
+                current.channels.push_back(*channel);
+            }
+            bvh.channels += current.channels.size();
+        } else if (word == "}") {
+            if (!open.back().offset)
+                text.fail("expected an OFFSET in {}, found none", shown(current.name));
+            open.pop_back();
+        } else {
+            text.failExpected("OFFSET, CHANNELS, JOINT, End Site or }", word);
+        }
+    } while (!open.empty());
+    if (bvh.channels == 0) text.fail("expected CHANNELS, found no joint that has any");
+}
+
+void readFrames(Text& text, Bvh& bvh) {
+    text.expect("MOTION");
+    // "Frames: 10", "Frames:10" and "Frames : 10" are all about.
+    const auto field = [&](std::initializer_list<std::string_view> words, const char* whole) {
+        std::string_view found;
+        for (const std::string_view expected : words) {
+            found = text.word();
+            const size_t colon = std::min(found.find(':'), found.size());
+            if (!sameWord(found.substr(0, colon), expected)) text.failExpected(whole, found);
+        }
+        const size_t colon = found.find(':');
+        if (colon == std::string_view::npos) {
+            found = text.word();
+            if (!found.starts_with(':')) text.failExpected(whole, found);
+            found.remove_prefix(1);
+        } else {
+            found.remove_prefix(colon + 1);
+        }
+        return text.numberOf(found.empty() ? text.word() : found,
+                             fmt::format("{} a number", whole));
+    };
+    const double frames = field({"Frames"}, "Frames:");
+    if (!(frames >= 1) || frames != std::floor(frames))
+        text.fail("expected Frames: 1 or more, found {}", frames);
+    bvh.frameTime = field({"Frame", "Time"}, "Frame Time:");
+    if (!(bvh.frameTime >= 1e-4) || !(bvh.frameTime <= 3600))
+        text.fail("expected a Frame Time from 0.0001 to 3600 seconds, found {}", bvh.frameTime);
+    // A number takes a digit and a space at least: what the rest of the file cannot hold is refused
+    // before memory is taken for it.
+    const double needed = 2 * frames * static_cast<double>(bvh.channels) - 1;
+    if (needed > static_cast<double>(text.left()))
+        text.fail("expected {} frames of {} numbers, found {} bytes for them", frames, bvh.channels,
+                  text.left());
+    bvh.frames = static_cast<size_t>(frames);
+    bvh.values.reserve(bvh.frames * bvh.channels);
+    for (size_t f = 0; f < bvh.frames; ++f) {
+        std::string_view found = text.word();
+        if (found.empty()) text.fail("expected {} frames, as Frames says, found {}", bvh.frames, f);
+        for (size_t c = 0; c < bvh.channels; ++c) {
+            if (found.empty())
+                text.fail("expected {} numbers, one for each channel, found {}", bvh.channels, c);
+            bvh.values.push_back(text.numberOf(found, "a number"));
+            found = text.wordOfLine();
+        }
+        if (!found.empty())
+            text.fail("expected {} numbers, one for each channel, found more", bvh.channels);
+    }
+    const std::string_view rest = text.word();
+    if (!rest.empty())
+        text.fail("expected {} frames, as Frames says, found more: \"{}\"", bvh.frames,
+                  shown(rest));
+}
+
+// ---- names --------------------------------------------------------------------------------------
+
+struct Label {
+    char side = 0;     // 'l', 'r', or 0 in the middle
+    std::string base;  // lower case, without side, prefixes and numbers: "upleg"
+};
+
+// "mixamorig:LeftUpLeg", "LeftUpLeg", "thigh_l" and "Bip01 L Thigh" by their parts.
+Label labelOf(std::string_view name) {
+    const size_t colon = name.rfind(':');
+    if (colon != std::string_view::npos && colon + 1 < name.size()) name.remove_prefix(colon + 1);
+    std::vector<std::string> words;
+    bool fresh = true;
+    for (size_t i = 0; i < name.size(); ++i) {
+        const auto c = static_cast<unsigned char>(name[i]);
+        if (!std::isalnum(c)) {
+            fresh = true;
+            continue;
+        }
+        if (std::isupper(c) && i > 0) {
+            const bool afterSmall = std::islower(static_cast<unsigned char>(name[i - 1])) != 0;
+            const bool beforeSmall =
+                i + 1 < name.size() && std::islower(static_cast<unsigned char>(name[i + 1])) != 0;
+            if (afterSmall || beforeSmall) fresh = true;
+        }
+        if (fresh) words.emplace_back();
+        fresh = false;
+        words.back() += static_cast<char>(std::tolower(c));
+    }
+    std::erase_if(words, [](const std::string& word) {
+        return word.starts_with("mixamorig") || word.starts_with("bip0") || word == "bip" ||
+               word == "def" || word == "jnt" || word == "bone" || word == "character1";
+    });
+    Label label;
+    const auto sideOf = [](const std::string& word) -> char {
+        if (word == "l" || word == "left") return 'l';
+        if (word == "r" || word == "right") return 'r';
+        return 0;
+    };
+    if (!words.empty() && sideOf(words.front()) != 0) {
+        label.side = sideOf(words.front());
+        words.erase(words.begin());
+    } else if (!words.empty() && sideOf(words.back()) != 0) {
+        label.side = sideOf(words.back());
+        words.pop_back();
+    }
+    for (const std::string& word : words) label.base += word;
+    // All in one case: "LEFTUPLEG", "leftupleg".
+    if (label.side == 0) {
+        for (const std::string_view side : {"left", "right"}) {
+            if (label.base.size() <= side.size() || !label.base.starts_with(side)) continue;
+            label.side = side[0];
+            label.base.erase(0, side.size());
+            break;
+        }
+    }
+    while (!label.base.empty() && std::isdigit(static_cast<unsigned char>(label.base.back())))
+        label.base.pop_back();
+    return label;
+}
+
+// ---- joints -------------------------------------------------------------------------------------
+
+constexpr int kNone = -1;
+
+struct Mapping {
+    std::array<int, joint::kCount> of;  // the source's joint for SMPL's; kNone
+    std::vector<int> spine, neck;       // from the pelvis upwards
+};
+
+bool hangsOn(const Bvh& bvh, int joint, int root) {
+    while (joint > root) joint = bvh.joints[static_cast<size_t>(joint)].parent;
+    return joint == root;
+}
+
+int commonAncestor(const Bvh& bvh, int a, int b) {
+    while (a != b) (a > b ? a : b) = bvh.joints[static_cast<size_t>(std::max(a, b))].parent;
+    return a;
+}
+
+Mapping findJoints(const Bvh& bvh) {
+    std::vector<Label> labels;
+    for (const Bvh::Joint& joint : bvh.joints)
+        labels.push_back(joint.name == "End Site" ? Label{} : labelOf(joint.name));
+    const auto find = [&](char side, std::initializer_list<std::string_view> bases) {
+        for (const std::string_view base : bases)
+            for (size_t j = 0; j < labels.size(); ++j)
+                if (labels[j].side == side && labels[j].base == base) return static_cast<int>(j);
+        return kNone;
+    };
+    Mapping map;
+    map.of.fill(kNone);
+    auto& of = map.of;
+    for (const char side : {'l', 'r'}) {
+        const size_t right = side == 'r' ? 1 : 0;  // each right joint follows its left one
+        of[joint::kLeftHip + right] =
+            find(side, {"upleg", "thigh", "upperleg", "thighbend", "femur", "hip"});
+        of[joint::kLeftKnee + right] =
+            find(side, {"knee", "leg", "lowleg", "lowerleg", "shin", "calf", "tibia"});
+        // Where there is an ankle a foot is what hangs on it, and a hand on a wrist.
+        const int ankle = find(side, {"ankle"}), wrist = find(side, {"wrist"});
+        of[joint::kLeftAnkle + right] = ankle != kNone ? ankle : find(side, {"foot"});
+        of[joint::kLeftFoot + right] = find(side, {"toebase", "toe", "toes", "ball"});
+        if (ankle != kNone && of[joint::kLeftFoot + right] == kNone)
+            of[joint::kLeftFoot + right] = find(side, {"foot"});
+        of[joint::kLeftWrist + right] = wrist != kNone ? wrist : find(side, {"hand"});
+        if (wrist != kNone) of[joint::kLeftHand + right] = find(side, {"hand"});
+        // A shoulder is the collar bone of those who call the upper arm an arm.
+        const int arm = find(side, {"arm", "upperarm", "uparm", "shldr", "shldrbend", "humerus"});
+        const int shoulder = find(side, {"shoulder"}), collar = find(side, {"collar", "clavicle"});
+        of[joint::kLeftShoulder + right] = arm != kNone ? arm : shoulder;
+        of[joint::kLeftCollar + right] = collar != kNone ? collar : arm != kNone ? shoulder : kNone;
+        of[joint::kLeftElbow + right] =
+            find(side, {"elbow", "forearm", "forearmbend", "lowerarm", "lowarm"});
+    }
+
+    // What is there has to hang together.
+    constexpr std::array<std::pair<joint::Number, joint::Number>, 12> kLimbs = {{
+        {joint::kLeftKnee, joint::kLeftHip},
+        {joint::kRightKnee, joint::kRightHip},
+        {joint::kLeftAnkle, joint::kLeftKnee},
+        {joint::kRightAnkle, joint::kRightKnee},
+        {joint::kLeftFoot, joint::kLeftAnkle},
+        {joint::kRightFoot, joint::kRightAnkle},
+        {joint::kLeftElbow, joint::kLeftShoulder},
+        {joint::kRightElbow, joint::kRightShoulder},
+        {joint::kLeftWrist, joint::kLeftElbow},
+        {joint::kRightWrist, joint::kRightElbow},
+        {joint::kLeftHand, joint::kLeftWrist},
+        {joint::kRightHand, joint::kRightWrist},
+    }};
+    std::string missing;
+    for (const size_t j :
+         {joint::kLeftHip, joint::kRightHip, joint::kLeftKnee, joint::kRightKnee,
+          joint::kLeftShoulder, joint::kRightShoulder, joint::kLeftElbow, joint::kRightElbow})
+        if (of[j] == kNone)
+            missing += fmt::format("{}{}", missing.empty() ? "" : ", ", jointName(j));
+    if (!missing.empty()) {
+        std::string names;
+        for (size_t j = 0, count = 0; j < bvh.joints.size() && count < 12; ++j) {
+            if (bvh.joints[j].name == "End Site") continue;
+            names += fmt::format("{}{}", names.empty() ? "" : ", ", shown(bvh.joints[j].name));
+            ++count;
+        }
+        throwInput(
+            "{}: expected a person's joints, with names such as LeftUpLeg, LeftLeg, LeftArm, "
+            "LeftForeArm, found none for {} among {}…",
+            bvh.file, missing, names);
+    }
+    for (const auto& [end, root] : kLimbs) {
+        if (of[end] == kNone ||
+            (of[root] != kNone && of[end] != of[root] && hangsOn(bvh, of[end], of[root])))
+            continue;
+        // Toes and hands can be done without.
+        if (end == joint::kLeftFoot || end == joint::kRightFoot || end == joint::kLeftHand ||
+            end == joint::kRightHand || of[root] == kNone) {
+            of[end] = kNone;
+            continue;
+        }
+        throwInput("{}: expected {} (for {}) below {} (for {}), found it elsewhere", bvh.file,
+                   shown(bvh.joints[static_cast<size_t>(of[end])].name), jointName(end),
+                   shown(bvh.joints[static_cast<size_t>(of[root])].name), jointName(root));
+    }
+    for (const size_t right : {0u, 1u}) {
+        int& collar = of[joint::kLeftCollar + right];
+        const int shoulder = of[joint::kLeftShoulder + right];
+        if (collar != kNone && (collar == shoulder || !hangsOn(bvh, shoulder, collar)))
+            collar = kNone;
+    }
+
+    const int legs = commonAncestor(bvh, of[joint::kLeftHip], of[joint::kRightHip]);
+    const int arms = commonAncestor(bvh, of[joint::kLeftShoulder], of[joint::kRightShoulder]);
+    int pelvis = find(0, {"hips", "pelvis", "hip"});
+    if (pelvis == kNone || !hangsOn(bvh, legs, pelvis) || !hangsOn(bvh, arms, pelvis))
+        pelvis = legs;
+    if (!hangsOn(bvh, arms, pelvis)) pelvis = commonAncestor(bvh, legs, arms);
+    of[joint::kPelvis] = pelvis;
+
+    // The spine is what lies between the pelvis and the neck, whatever it is called.
+    int head = find(0, {"head"});
+    int top = head != kNone ? head : find(0, {"neck"});
+    if (top == kNone || top == pelvis || !hangsOn(bvh, top, pelvis)) head = kNone, top = arms;
+    std::vector<int> path;  // from top down to, but not, the pelvis
+    for (int j = top; j > pelvis; j = bvh.joints[static_cast<size_t>(j)].parent) path.push_back(j);
+    std::reverse(path.begin(), path.end());
+    bool neck = false;
+    for (const int j : path) {
+        if (j == head) break;
+        neck = neck || labels[static_cast<size_t>(j)].base == "neck";
+        (neck ? map.neck : map.spine).push_back(j);
+    }
+    of[joint::kHead] = head;
+    return map;
+}
+
+// ---- retargeting --------------------------------------------------------------------------------
+
+constexpr std::array<int, joint::kCount> kParents = {-1, 0, 0, 0,  1,  2,  3,  4,  5,  6,  7,  8,
+                                                     9,  9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21};
+
+// The default body's joints, metres: where SMPL's are, for the mean shape, within a few
+// centimetres.
+constexpr std::array<std::array<double, 3>, joint::kCount> kRest = {{
+    {0, -.223, .028},          {.07171, -.28332, .03953},  {-.07171, -.28332, .03953},
+    {0, -.07696, .00469},      {.09382, -.62884, .03585},  {-.09382, -.62884, .03585},
+    {0, .04128, .00332},       {.08975, -1.03452, -.009},  {-.08975, -1.03452, -.009},
+    {0, .0902, -.00018},       {.11738, -1.08134, .12098}, {-.11738, -1.08134, .12098},
+    {0, .31676, -.01005},      {.05942, .21393, .02031},   {-.05942, .21393, .02031},
+    {0, .37451, .03834},       {.164, .24956, .00997},     {-.164, .24956, .00997},
+    {.40658, .24955, .00997},  {-.40658, .24955, .00997},  {.64513, .24955, .00997},
+    {-.64513, .24955, .00997}, {.74456, .24954, .00997},   {-.74456, .24954, .00997},
+}};
+
+glm::dvec3 restOf(size_t joint) { return {kRest[joint][0], kRest[joint][1], kRest[joint][2]}; }
+
+// The smallest turn that makes one unit vector the other.
+glm::dquat turnBetween(const glm::dvec3& from, const glm::dvec3& to) {
+    const double cosine = glm::dot(from, to);
+    if (cosine < -1 + 1e-9) {
+        const glm::dvec3 other = std::abs(from.y) < .9 ? glm::dvec3(0, 1, 0) : glm::dvec3(1, 0, 0);
+        return quaternionOf(kPi * glm::normalize(glm::cross(from, other)));
+    }
+    const glm::dvec3 axis = glm::cross(from, to);
+    return glm::normalize(glm::dquat(1 + cosine, axis.x, axis.y, axis.z));
+}
+
+class Retarget {
+public:
+    explicit Retarget(const Bvh& bvh) : bvh_(bvh), map_(findJoints(bvh)), rest_(bvh.place(-1)) {
+        findScale();
+        findFrame();
+        for (glm::dquat& align : align_) align = frame_;
+        for (const size_t right : {0u, 1u}) {
+            alignLimb(
+                {joint::kLeftHip + right, joint::kLeftKnee + right, joint::kLeftAnkle + right});
+            alignLimb({joint::kLeftShoulder + right, joint::kLeftElbow + right,
+                       joint::kLeftWrist + right, joint::kLeftHand + right});
+        }
+    }
+
+    void pose(int64_t frame, Theta& theta, Trans& trans) const {
+        const Bvh::Placement placed = bvh_.place(frame);
+        std::array<glm::dquat, joint::kCount> global;
+        const auto source = [&](int j) { return placed.rotation[static_cast<size_t>(j)]; };
+        for (size_t j = 0; j < joint::kCount; ++j) {
+            if (j == joint::kSpine1 || j == joint::kSpine2 || j == joint::kSpine3) {
+                const double share = j == joint::kSpine1 ? 1. : j == joint::kSpine2 ? 2. : 3.;
+                global[j] = spineAt(placed, share / 3) * frame_;
+            } else if (j == joint::kNeck && !map_.neck.empty()) {
+                global[j] = middleOf(placed, map_.neck) * frame_;
+            } else if (map_.of[j] != kNone) {
+                global[j] = source(map_.of[j]) * align_[j];
+            } else {
+                global[j] = global[static_cast<size_t>(kParents[j])];
+            }
+            const glm::dquat local =
+                kParents[j] < 0
+                    ? global[j]
+                    : glm::conjugate(global[static_cast<size_t>(kParents[j])]) * global[j];
+            setJointRotation(theta, j, glm::normalize(local));
+        }
+        // The middle of the hip joints is where the source has it: pelvises differ more.
+        const auto middle = [](const glm::dvec3& a, const glm::dvec3& b) { return .5 * (a + b); };
+        const glm::dvec3 hips =
+            scale_ * middle(placed.position[static_cast<size_t>(map_.of[joint::kLeftHip])],
+                            placed.position[static_cast<size_t>(map_.of[joint::kRightHip])]);
+        const glm::dvec3 ours =
+            middle(restOf(joint::kLeftHip), restOf(joint::kRightHip)) - restOf(joint::kPelvis);
+        const glm::dvec3 place = hips - global[0] * ours - restOf(joint::kPelvis);
+        for (int c = 0; c < 3; ++c) trans[static_cast<size_t>(c)] = static_cast<float>(place[c]);
+    }
+
+private:
+    glm::dvec3 restPlace(size_t joint) const {
+        return rest_.position[static_cast<size_t>(map_.of[joint])];
+    }
+
+    void findScale() {
+        double ours = 0, theirs = 0;
+        for (const size_t right : {0u, 1u}) {
+            const auto add = [&](size_t from, size_t to) {
+                if (map_.of[from + right] == kNone || map_.of[to + right] == kNone) return;
+                ours += glm::length(restOf(to + right) - restOf(from + right));
+                theirs += glm::length(restPlace(to + right) - restPlace(from + right));
+            };
+            add(joint::kLeftHip, joint::kLeftKnee);
+            add(joint::kLeftKnee, joint::kLeftAnkle);
+        }
+        if (!(theirs > 1e-9))
+            throwInput("{}: OFFSET: expected legs of some length, found none", bvh_.file);
+        scale_ = ours / theirs;
+    }
+
+    // Which way the rest pose stands and looks: SMPL's axes in the source's world.
+    void findFrame() {
+        const auto middle = [&](size_t left) {
+            return .5 * (restPlace(left) + restPlace(left + 1));
+        };
+        glm::dvec3 side = restPlace(joint::kLeftHip) - restPlace(joint::kRightHip) +
+                          restPlace(joint::kLeftShoulder) - restPlace(joint::kRightShoulder);
+        glm::dvec3 up = middle(joint::kLeftShoulder) - middle(joint::kLeftKnee);
+        const double tall = glm::length(up), wide = glm::length(side);
+        // A person is .9 m from knees to shoulders, legs .75 m, and hips and shoulders together
+        // half a metre wide.
+        const bool standing = scale_ * tall > .4 && scale_ * wide > .1 &&
+                              std::abs(glm::dot(up, side)) < .6 * tall * wide;
+        if (!standing)
+            throwInput(
+                "{}: OFFSET: expected a rest pose that stands (arms may be anywhere), found "
+                "shoulders {:.2f} leg lengths above the knees and sides {:.2f} apart",
+                bvh_.file, scale_ * tall / .755, scale_ * wide / .755);
+        up /= tall;
+        side = glm::normalize(side - glm::dot(side, up) * up);
+        glm::dmat3 axes(side, up, glm::cross(side, up));
+        // Rest poses look along an axis; what they lean beside it is anatomy.
+        glm::dmat3 snapped(0);
+        bool near = true;
+        for (int c = 0; c < 3; ++c) {
+            int largest = 0;
+            for (int r = 1; r < 3; ++r)
+                if (std::abs(axes[c][r]) > std::abs(axes[c][largest])) largest = r;
+            snapped[c][largest] = axes[c][largest] < 0 ? -1 : 1;
+            near = near && std::abs(axes[c][largest]) > .9;
+        }
+        frame_ = glm::normalize(glm::quat_cast(near ? snapped : axes));
+    }
+
+    // From joint to joint along a limb, which turns its bones as little as possible from those of
+    // the T-pose to those of the source's rest pose.
+    void alignLimb(const std::vector<size_t>& joints) {
+        glm::dquat align = frame_;
+        for (size_t i = 0; i < joints.size(); ++i) {
+            const size_t joint = joints[i];
+            if (map_.of[joint] == kNone) continue;
+            const bool leg = joints.size() == 3;
+            // Feet stand on the ground in either rest pose.
+            if (leg && i == 2) continue;
+            if (i + 1 < joints.size()) {
+                const auto ours = glm::normalize(restOf(joints[i + 1]) - restOf(joint));
+                glm::dvec3 theirs(0);
+                if (map_.of[joints[i + 1]] != kNone)
+                    theirs = restPlace(joints[i + 1]) - restPlace(joint);
+                else if (i > 0)
+                    theirs = ending(map_.of[joint]);
+                const double length = glm::length(theirs);
+                const glm::dvec3 before = align * ours;
+                // The ends of hands are anything; what points elsewhere than the forearm is left.
+                const bool sure = map_.of[joints[i + 1]] != kNone;
+                if (length > 1e-6 / scale_ && (sure || glm::dot(before, theirs) > .7 * length))
+                    align = turnBetween(before, theirs / length) * align;
+            }
+            align_[joint] = glm::normalize(align);
+        }
+    }
+
+    // From a joint to its first child, whatever it is.
+    glm::dvec3 ending(int joint) const {
+        for (size_t j = 0; j < bvh_.joints.size(); ++j)
+            if (bvh_.joints[j].parent == joint) return bvh_.joints[j].offset;
+        return glm::dvec3(0);
+    }
+
+    // The spine's turn from the world at a share of its way from the pelvis up.
+    glm::dquat spineAt(const Bvh::Placement& placed, double share) const {
+        const auto at = [&](size_t i) {
+            return placed.rotation[static_cast<size_t>(i == 0 ? map_.of[0] : map_.spine[i - 1])];
+        };
+        const double place = share * static_cast<double>(map_.spine.size());
+        const auto below =
+            std::min(static_cast<size_t>(std::floor(place + 1e-9)), map_.spine.size());
+        const double part = std::max(place - static_cast<double>(below), 0.);
+        if (part < 1e-9 || below == map_.spine.size()) return at(below);
+        return glm::slerp(at(below), at(below + 1), part);
+    }
+
+    glm::dquat middleOf(const Bvh::Placement& placed, const std::vector<int>& joints) const {
+        const auto at = [&](size_t i) { return placed.rotation[static_cast<size_t>(joints[i])]; };
+        const size_t half = (joints.size() - 1) / 2;
+        return joints.size() % 2 ? at(half) : glm::slerp(at(half), at(half + 1), .5);
+    }
+
+    const Bvh& bvh_;
+    Mapping map_;
+    Bvh::Placement rest_;
+    double scale_ = 1;
+    glm::dquat frame_;
+    // A joint's frame is the source's times this.
+    std::array<glm::dquat, joint::kCount> align_;
+};
+
+}  // namespace
+
+Bvh::Placement Bvh::place(int64_t frame) const {
+    Placement placed;
+    placed.rotation.reserve(joints.size());
+    placed.position.reserve(joints.size());
+    for (const Joint& joint : joints) {
+        glm::dvec3 offset = joint.offset;
+        glm::dquat turn(1, 0, 0, 0);
+        for (size_t c = 0; frame >= 0 && c < joint.channels.size(); ++c) {
+            const double value = values[static_cast<size_t>(frame) * channels + joint.first + c];
+            const int axis = static_cast<int>(joint.channels[c]) % 3;
+            if (joint.channels[c] <= Channel::PositionZ) {
+                offset[axis] = value;
+            } else {
+                glm::dvec3 by(0);
+                by[axis] = std::remainder(value, 360.) * kPi / 180;
+                turn = turn * quaternionOf(by);
+            }
+        }
+        if (joint.parent < 0) {
+            placed.rotation.push_back(turn);
+            placed.position.push_back(offset);
+            continue;
+        }
+        const auto parent = static_cast<size_t>(joint.parent);
+        placed.rotation.push_back(placed.rotation[parent] * turn);
+        placed.position.push_back(placed.position[parent] + placed.rotation[parent] * offset);
+    }
+    return placed;
+}
+
+Bvh bvhFromText(std::string_view content, const std::string& file) {
+    Text text(content, file);
+    Bvh bvh;
+    bvh.file = file;
+    readHierarchy(text, bvh);
+    readFrames(text, bvh);
+    return bvh;
+}
+
+Bvh readBvh(const std::filesystem::path& file) {
+    const std::vector<uint8_t> bytes = readWholeFile(file, kLargestFile);
+    return bvhFromText({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, file.string());
+}
+
+Motion motionFromBvh(const Bvh& bvh) {
+    const Retarget retarget(bvh);
+    Motion motion;
+    motion.source = bvh.file;
+    motion.name = motion.source.stem().string();
+    // Files round: ".0333333" is thirty a second.
+    const double fps = 1 / bvh.frameTime, whole = std::round(fps);
+    motion.fps = std::abs(fps - whole) < 5e-4 * fps ? whole : fps;
+    motion.theta.resize(bvh.frames);
+    motion.trans.resize(bvh.frames);
+    for (size_t f = 0; f < bvh.frames; ++f)
+        retarget.pose(static_cast<int64_t>(f), motion.theta[f], motion.trans[f]);
+    return motion;
+}
+
+}  // namespace doppel
