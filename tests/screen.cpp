@@ -4,6 +4,7 @@
 #include <X11/Xutil.h>
 #include <X11/extensions/XTest.h>
 #include <signal.h>
+#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -23,6 +24,7 @@ Screen::Screen(int width, int height) {
     if (pipe(number) != 0) throw std::runtime_error("no pipe");
     process_ = fork();
     if (process_ == 0) {
+        prctl(PR_SET_PDEATHSIG, SIGTERM);  // it ends with a test that is killed
         close(number[0]);
         std::string to = std::to_string(number[1]);
         std::string size = std::to_string(width) + "x" + std::to_string(height) + "x24";

@@ -581,6 +581,39 @@ TEST_F(ViewerTest, ASecondWindowAndAFailingMachine) {
     fs::current_path(here);
 }
 
+// A figure, not a check: run it alone, with DOPPEL_VALIDATION=0, DOPPEL_AVATAR naming an avatar and
+// --gtest_also_run_disabled_tests.
+TEST_F(ViewerTest, DISABLED_SpeedWhileDragging) {
+    ViewOptions options;
+    if (const char* avatar = getenv("DOPPEL_AVATAR")) options.avatar = avatar;
+    options.width = 640, options.height = 640 + Viewer::kTimelineHeight;
+    Viewer& viewer = open(options);
+    for (bool orbits : {false, true}) {
+        glm::dvec2 from = orbits ? glm::dvec2(40, 500) : at(joint::kLeftWrist);
+        screen_->move(from.x, from.y);
+        turn();
+        screen_->press(orbits ? 2 : 1);
+        turn();
+        Viewer::Times sum;
+        constexpr int kFrames = 100;
+        auto before = std::chrono::steady_clock::now();
+        for (int i = 0; i < kFrames; ++i) {
+            screen_->move(from.x + 30 * std::sin(0.1 * i), from.y - 60 * std::sin(0.07 * i));
+            viewer.frame();
+            sum.pose += viewer.times().pose / kFrames;
+            sum.draw += viewer.times().draw / kFrames;
+            sum.show += viewer.times().show / kFrames;
+        }
+        double seconds =
+            std::chrono::duration<double>(std::chrono::steady_clock::now() - before).count();
+        fmt::print("{}: {:.1f} fps; pose {:.1f} ms, picture {:.1f} ms, window {:.1f} ms\n",
+                   orbits ? "orbiting" : "dragging a joint", kFrames / seconds, sum.pose, sum.draw,
+                   sum.show);
+        screen_->release(orbits ? 2 : 1);
+        settle();
+    }
+}
+
 TEST_F(ViewerTest, SaysWhatIsWrong) {
     ViewOptions options;
     options.avatar = *folder_ / "nobody";

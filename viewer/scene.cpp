@@ -11,6 +11,8 @@ namespace doppel {
 
 namespace {
 
+constexpr size_t kDrawingsKept = 8;  // of some 30 MB each for a window of usual size
+
 std::array<float, 3> axisAngle(const glm::dmat3& rotation) {
     glm::dquat q = glm::normalize(glm::quat_cast(rotation));
     if (q.w < 0) q = -q;
@@ -29,6 +31,7 @@ struct Scene::Posing {
     Tensor theta, trans, beta;
     Buffer verts, normals;
     uint64_t version = 0;
+    std::vector<float> hostVerts;  // as verts
 
     Posing(Device& device, const Avatar& avatar, MeshKind kind) : graph(device) {
         const BodyModel& body = avatar.body;
@@ -59,60 +62,83 @@ struct Scene::Posing {
     }
 };
 
-// One size of picture of one mesh.
+// One size and kind of picture.
 struct Scene::Drawing {
     Graph graph;
     Tensor rotation, translation, camera, state, background, picture;
-    std::vector<uint32_t> backgroundNow;
 
     Drawing(Device& device, const Avatar& avatar, const Posing& posing, const Buffer& texture,
-            int width, int height, int samples, bool visibility)
+            const DrawingKey& key)
         : graph(device) {
         const BodyModel& body = avatar.body;
         const int64_t size = avatar.textureSize;
         const Shape meshShape{body.vertexCount, 3};
+        auto u = [](int64_t value) { return static_cast<uint32_t>(value); };
         Tensor world = graph.attach({&posing.verts, 0, posing.verts.bytes()}, meshShape);
         Tensor normals = graph.attach({&posing.normals, 0, posing.normals.bytes()}, meshShape);
-        Tensor tex = graph.attach({&texture, 0, texture.bytes()}, {size, size, 3});
+        Tensor tex = graph.attach({&texture, 0, texture.bytes()}, {size, size}, ElementType::I32);
         rotation = graph.input({3});
         translation = graph.input({3});
         camera = graph.input(kCameraShape);
         state = graph.input({sizeof(ShadeState) / 4});
-        background = graph.input({height, width}, ElementType::I32);
+        background = graph.input({key.height, key.width}, ElementType::I32);
         Tensor origin = graph.constant(std::vector<float>(3), {3});
         Tensor verts = rigidTransform(graph, world, rotation, origin, translation);
         RasterMesh mesh = rasterMesh(graph, body.faces, body.vertexCount);
-        VisibilityBuffer seen =
-            visibilityBuffer(graph, mesh, verts, camera, height * samples, width * samples);
-        Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
-        RasterAtlas atlas = rasterAtlas(graph, uvs, body.uvFaces);
-        Tensor map = visibility ? visibilityMap(graph, mesh, verts, atlas, size) : graph.none();
-        picture = graph.temporary({height, width}, ElementType::I32);
+        VisibilityBuffer seen = visibilityBuffer(graph, mesh, verts, camera,
+                                                 key.height * key.samples, key.width * key.samples);
+        Tensor map = graph.none();
+        if (key.paint == kPaintVisibility) {
+            Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
+            map = visibilityMap(graph, mesh, verts, rasterAtlas(graph, uvs, body.uvFaces), size);
+        }
+        picture = graph.temporary({key.height, key.width}, ElementType::I32);
+        Tensor marks = marksOf(avatar), corners = cornerUvs(body);
+        ShadeParams params{u(key.width), u(key.height), u(size), u(key.inset),
+                           key.blueFirst ? 1u : 0u};
+        Specialisation spec{{"paint", key.paint},
+                            {"lit", key.lit ? 1u : 0u},
+                            {"wireframe", key.wireframe ? 1u : 0u},
+                            {"samples", u(key.samples)}};
         graph.beginOp("shade");
-        ShadeParams params{static_cast<uint32_t>(width), static_cast<uint32_t>(height),
-                           static_cast<uint32_t>(samples), static_cast<uint32_t>(size)};
         graph.dispatch("view/shade.forward",
                        {{"index", seen.faceIndex},
                         {"surface", seen.surface},
                         {"verts", verts},
                         {"normals", normals},
-                        {"marks", marks(avatar)},
+                        {"marks", marks},
                         {"faces", mesh.faceVertices},
-                        {"facesUv", atlas.faceCorners},
-                        {"uvs", atlas.uvs},
+                        {"cornerUvs", corners},
                         {"tex", tex},
                         {"visibility", map},
                         {"camera", camera},
                         {"state", state},
                         {"background", background},
                         {"picture", picture}},
-                       params, static_cast<uint64_t>(width) * static_cast<uint64_t>(height));
+                       params, uint64_t{u(key.width)} * u(key.height), spec);
+        if (key.inset > 0)
+            graph.dispatch("view/shade.inset",
+                           {{"tex", tex}, {"visibility", map}, {"picture", picture}}, params,
+                           uint64_t{u(key.inset)} * u(key.inset), spec);
         graph.output(picture);
         graph.compile();
     }
 
+    // [F,2,4] so that a face's UVs are two loads.
+    Tensor cornerUvs(const BodyModel& body) {
+        std::vector<float> values;
+        for (size_t f = 0; f < static_cast<size_t>(body.faceCount); ++f) {
+            for (size_t corner = 0; corner < 3; ++corner) {
+                auto t = static_cast<size_t>(body.uvFaces[3 * f + corner]);
+                values.insert(values.end(), {body.uvs[2 * t], body.uvs[2 * t + 1]});
+            }
+            values.insert(values.end(), {0, 0});
+        }
+        return graph.constant(std::span<const float>(values), {body.faceCount, 8});
+    }
+
     // [V,2] body part, and the clamp bound as part of the largest.
-    Tensor marks(const Avatar& avatar) {
+    Tensor marksOf(const Avatar& avatar) {
         std::vector<float> bounds = clampBounds(avatar.body, clampsOf(avatar.preset.mesh));
         float most = *std::ranges::max_element(bounds);
         std::vector<float> values;
@@ -148,7 +174,15 @@ void Scene::setPose(const Theta& theta, const Trans& trans, const Betas& betas) 
 void Scene::setTexture(std::span<const float> texture) {
     auto size = static_cast<size_t>(avatar_.textureSize);
     CHECK(texture.size() == 3 * size * size, "the texture has {} numbers", texture.size());
-    device_.upload({&texture_, 0, texture.size_bytes()}, std::as_bytes(texture));
+    std::vector<uint32_t> packed(size * size);
+    for (size_t i = 0; i < packed.size(); ++i) {
+        uint32_t word = 0xff000000u;
+        for (size_t c = 0; c < 3; ++c)
+            word |= static_cast<uint32_t>(255 * std::clamp(texture[3 * i + c], 0.0f, 1.0f) + 0.5f)
+                    << 8 * c;
+        packed[i] = word;
+    }
+    device_.upload({&texture_, 0, packed.size() * 4}, std::as_bytes(std::span(packed)));
 }
 
 Scene::Posing& Scene::posed(MeshKind mesh) {
@@ -161,75 +195,109 @@ Scene::Posing& Scene::posed(MeshKind mesh) {
         posing->graph.write(posing->beta, std::span<const float>(betas_));
         posing->graph.run();
         posing->version = poseVersion_;
+        posing->hostVerts.resize(3 * static_cast<size_t>(avatar_.body.vertexCount));
+        device_.download({&posing->verts, 0, posing->hostVerts.size() * 4},
+                         std::as_writable_bytes(std::span(posing->hostVerts)));
     }
     return *posing;
 }
+
+Scene::Drawing& Scene::drawing(const DrawingKey& key, const Posing& posing) {
+    auto found =
+        std::ranges::find(drawings_, key, &std::pair<DrawingKey, std::unique_ptr<Drawing>>::first);
+    if (found != drawings_.end()) {
+        drawings_.splice(drawings_.begin(), drawings_, found);
+    } else {
+        if (drawings_.size() >= kDrawingsKept) drawings_.pop_back();
+        drawings_.emplace_front(key,
+                                std::make_unique<Drawing>(device_, avatar_, posing, texture_, key));
+    }
+    return *drawings_.front().second;
+}
+
+namespace {
+
+struct Rectangle {
+    int x = 0, y = 0, width = 0, height = 0;
+};
+
+// Where the vertices are on the picture, grown to a grid so that few sizes occur; all of it where
+// one of them is behind the camera.
+Rectangle around(std::span<const float> verts, const Camera& camera, const ViewTransform& view) {
+    constexpr int kGrid = 64;
+    double left = INFINITY, right = -INFINITY, top = INFINITY, bottom = -INFINITY;
+    for (size_t i = 0; i + 2 < verts.size(); i += 3) {
+        glm::dvec3 p = view({verts[i], verts[i + 1], verts[i + 2]});
+        if (p.z < 1e-3) return {0, 0, camera.width, camera.height};
+        double u = camera.fx * p.x / p.z + camera.cx, v = camera.fy * p.y / p.z + camera.cy;
+        left = std::min(left, u), right = std::max(right, u);
+        top = std::min(top, v), bottom = std::max(bottom, v);
+    }
+    auto range = [](double low, double high, int size) {
+        int begin =
+            std::clamp(static_cast<int>(std::floor(std::clamp(low, -1e6, 1e6))) - 1, 0, size);
+        int end =
+            std::clamp(static_cast<int>(std::ceil(std::clamp(high, -1e6, 1e6))) + 1, begin, size);
+        begin = begin / (kGrid / 2) * (kGrid / 2);
+        end = std::min(begin + (end - begin + kGrid - 1) / kGrid * kGrid, size);
+        return std::pair{begin, end - begin};
+    };
+    auto [x, width] = range(left, right, camera.width);
+    auto [y, height] = range(top, bottom, camera.height);
+    return {x, y, width, height};
+}
+
+}  // namespace
 
 const std::vector<uint32_t>& Scene::draw(MeshKind mesh, const Camera& camera,
                                          const ViewTransform& view, const ShadeOptions& options,
                                          std::span<const uint32_t> background, int samples) {
     if (!hasRefinedMesh()) mesh = MeshKind::Body;
     Posing& posing = posed(mesh);
-    if (size_ != std::array{camera.width, camera.height}) drawings_.clear();
-    size_ = {camera.width, camera.height};
-    bool visibility = options.paint == kPaintVisibility;
-    auto& drawing = drawings_[{static_cast<int>(mesh), camera.width, camera.height, samples,
-                               static_cast<int>(visibility)}];
-    if (!drawing)
-        drawing = std::make_unique<Drawing>(device_, avatar_, posing, texture_, camera.width,
-                                            camera.height, samples, visibility);
-    Drawing& d = *drawing;
+    auto width = static_cast<size_t>(camera.width);
+    picture_.assign(background.begin(), background.end());
+    if (options.blueFirst)
+        for (uint32_t& word : picture_)
+            word = (word & 0xff00ff00u) | (word & 0xffu) << 16 | (word >> 16 & 0xffu);
+    Rectangle box = around(posing.hostVerts, camera, view);
+    int inset = std::clamp(options.inset, 0, std::min(camera.width, camera.height));
+    if (inset > 0) box = {0, 0, camera.width, camera.height};
+    if (box.width == 0 || box.height == 0) return picture_;
+    Drawing& d = drawing({mesh, box.width, box.height, samples, options.paint, options.lit,
+                          options.wireframe, options.blueFirst, inset},
+                         posing);
 
     auto f = [](double value) { return static_cast<float>(value); };
     glm::dvec3 light = glm::normalize(options.light);
     const glm::dmat3& r = view.rotation;  // columns first
-    ShadeState state{
-        options.paint,
-        options.lit ? 1u : 0u,
-        options.wireframe ? 1u : 0u,
-        static_cast<uint32_t>(std::clamp(options.inset, 0, std::min(camera.width, camera.height))),
-        options.blueFirst ? 1u : 0u,
-        f(options.ambient),
-        f(light.x),
-        f(light.y),
-        f(light.z),
-        f(r[0][0]),
-        f(r[1][0]),
-        f(r[2][0]),
-        f(r[0][1]),
-        f(r[1][1]),
-        f(r[2][1]),
-        f(r[0][2]),
-        f(r[1][2]),
-        f(r[2][2])};
-    std::array<int32_t, sizeof(ShadeState) / 4> words;
-    std::memcpy(words.data(), &state, sizeof(state));
-    d.graph.write(d.state, std::span<const int32_t>(words));
+    std::array<float, sizeof(ShadeState) / 4> state{
+        f(options.ambient), f(light.x), f(light.y), f(light.z), f(r[0][0]), f(r[1][0]), f(r[2][0]),
+        f(r[0][1]),         f(r[1][1]), f(r[2][1]), f(r[0][2]), f(r[1][2]), f(r[2][2])};
+    d.graph.write(d.state, std::span<const float>(state));
     std::array<float, 3> turn = axisAngle(view.rotation);
     std::array<float, 3> shift{f(view.translation.x), f(view.translation.y), f(view.translation.z)};
     d.graph.write(d.rotation, std::span<const float>(turn));
     d.graph.write(d.translation, std::span<const float>(shift));
     RasterCamera raster = rasterCamera(camera);
     raster.fx *= f(samples), raster.fy *= f(samples);
-    raster.cx *= f(samples), raster.cy *= f(samples);
+    raster.cx = f(samples * (camera.cx - box.x)), raster.cy = f(samples * (camera.cy - box.y));
     d.graph.write(d.camera, cameraValues(raster));
-    if (!std::ranges::equal(d.backgroundNow, background)) {
-        d.backgroundNow.assign(background.begin(), background.end());
-        d.graph.write(d.background, std::span(reinterpret_cast<const int32_t*>(background.data()),
-                                              background.size()));
+    std::vector<int32_t> behind;
+    for (int y = 0; y < box.height; ++y) {
+        const uint32_t* row =
+            &background[static_cast<size_t>(box.y + y) * width + static_cast<size_t>(box.x)];
+        behind.insert(behind.end(), row, row + box.width);
     }
+    d.graph.write(d.background, behind);
     d.graph.run();
-    picture_ = d.graph.read<uint32_t>(d.picture);
+    std::vector<uint32_t> drawn = d.graph.read<uint32_t>(d.picture);
+    for (int y = 0; y < box.height; ++y)
+        std::copy_n(&drawn[static_cast<size_t>(y * box.width)], box.width,
+                    &picture_[static_cast<size_t>(box.y + y) * width + static_cast<size_t>(box.x)]);
     return picture_;
 }
 
-std::vector<float> Scene::vertices(MeshKind mesh) {
-    Posing& posing = posed(mesh);
-    std::vector<float> verts(3 * static_cast<size_t>(avatar_.body.vertexCount));
-    device_.download({&posing.verts, 0, verts.size() * 4},
-                     std::as_writable_bytes(std::span(verts)));
-    return verts;
-}
+std::vector<float> Scene::vertices(MeshKind mesh) { return posed(mesh).hostVerts; }
 
 std::vector<float> Scene::vertices(MeshKind mesh, const ViewTransform& view) {
     std::vector<float> verts = vertices(mesh);

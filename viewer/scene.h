@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <glm/glm.hpp>
+#include <list>
 #include <map>
 #include <memory>
 #include <span>
@@ -51,7 +52,8 @@ public:
     // Computes the mesh now, if its pose has changed, and not when it is drawn.
     void prepare(MeshKind mesh) { posed(mesh); }
 
-    // Pixels [H,W] of four bytes. background: the same; samples: per pixel and axis, averaged.
+    // Pixels [H,W] of four bytes. background: the same; samples: per pixel and axis, averaged. Only
+    // the rectangle around the avatar is computed, the rest is the background.
     const std::vector<uint32_t>& draw(MeshKind mesh, const Camera& camera,
                                       const ViewTransform& view, const ShadeOptions& options,
                                       std::span<const uint32_t> background, int samples = 1);
@@ -69,9 +71,17 @@ private:
     const Avatar& avatar_;
     Buffer texture_;
     std::map<MeshKind, std::unique_ptr<Posing>> posings_;
-    // By mesh, width, height, samples and whether the visibility map is wanted; of one size only.
-    std::map<std::array<int, 5>, std::unique_ptr<Drawing>> drawings_;
-    std::array<int, 2> size_{};
+    struct DrawingKey {
+        MeshKind mesh;
+        int width, height, samples;
+        uint32_t paint;
+        bool lit, wireframe, blueFirst;
+        int inset;
+        bool operator==(const DrawingKey&) const = default;
+    };
+    Drawing& drawing(const DrawingKey& key, const Posing& posing);
+    // The ones used last, the latest first.
+    std::list<std::pair<DrawingKey, std::unique_ptr<Drawing>>> drawings_;
     Theta theta_{};
     Trans trans_{};
     Betas betas_;

@@ -4,8 +4,9 @@
 SHARED_BEGIN
 struct ShadeParams {
     uint width, height;  // of the picture
-    uint samples;        // of the visibility buffer, per pixel and axis
     uint textureSize;
+    uint inset;      // side of the atlas shown in the lower right corner, pixels; 0: none
+    uint blueFirst;  // 1: bytes of a pixel are B, G, R, A
 };
 // What the surface is painted with.
 const uint kPaintTexture = 0;
@@ -15,13 +16,8 @@ const uint kPaintVisibility = 3;  // the visibility map that the texture network
 const uint kPaintChecker = 4;
 const uint kPaintParts = 5;
 const uint kPaintClamps = 6;
-// How a view is shaded; a buffer, because it changes between replays.
+// How a view is lit; a buffer, because it changes between replays.
 struct ShadeState {
-    uint paint;
-    uint lit;        // 0: as it is painted
-    uint wireframe;  // 1: the faces' edges on top
-    uint inset;      // side of the atlas shown in the lower right corner, pixels; 0: none
-    uint blueFirst;  // 1: bytes of a pixel are B, G, R, A
     float ambient;   // of a light that fills the rest up to 1
     // Towards the light, unit length, and the rows of the rotation that brings normals to camera
     // space.

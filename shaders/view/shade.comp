@@ -4,21 +4,25 @@
 #include "common/camera.h"
 #include "view/params.h"
 // The viewer's picture from a visibility buffer: painted, lit, over a background, packed to bytes.
-PARAMS(ShadeParams, 14)
+// What it paints is fixed in the pipeline: a CPU's vectors would walk through every branch.
+layout(constant_id = 1) const uint paint = kPaintTexture;
+layout(constant_id = 2) const uint lit = 0;        // 0: as it is painted
+layout(constant_id = 3) const uint wireframe = 0;  // 1: the faces' edges on top
+layout(constant_id = 4) const uint samples = 1;    // of the visibility buffer, per pixel and axis
+PARAMS(ShadeParams, 13)
 BUFFER(0, readonly, int, index);            // [H s,W s] face, -1: none
 BUFFER(1, readonly, vec4, surface);         // [H s,W s] barycentrics, depth
 BUFFER(2, readonly, float, verts);          // [V,3] camera space
 BUFFER(3, readonly, float, normals);        // [V,3] the body's world, unit length
 BUFFER(4, readonly, vec2, marks);           // [V] body part; clamp bound as part of the largest
 BUFFER(5, readonly, ivec4, faces);          // [F] v0, v1, v2, unused
-BUFFER(6, readonly, ivec4, facesUv);        // [F] t0, t1, t2, unused
-BUFFER(7, readonly, vec2, uvs);             // [T]
-BUFFER(8, readonly, float, tex);            // [S,S,3] sRGB-encoded
-BUFFER(9, readonly, float, visibility);     // [S,S]
-BUFFER(10, readonly, RasterCamera, camera);  // [1] of the visibility buffer
-BUFFER(11, readonly, ShadeState, state);    // [1]
-BUFFER(12, readonly, uint, background);     // [H,W] R, G, B, A from the lowest byte
-BUFFER(13, writeonly, uint, picture);       // [H,W]
+BUFFER(6, readonly, vec4, cornerUvs);       // [F,2] UVs of the corners: 0 and 1; 2, unused
+BUFFER(7, readonly, uint, tex);             // [S,S] R, G, B, A from the lowest byte
+BUFFER(8, readonly, float, visibility);     // [S,S]
+BUFFER(9, readonly, RasterCamera, camera);  // [1] of the visibility buffer
+BUFFER(10, readonly, ShadeState, state);    // [1]
+BUFFER(11, readonly, uint, background);     // [H,W] as tex
+BUFFER(12, writeonly, uint, picture);       // [H,W]
 
 vec3 toLinear(vec3 c) {
     return mix(c / 12.92, pow((c + 0.055) / 1.055, vec3(2.4)), greaterThan(c, vec3(0.04045)));
@@ -41,14 +45,14 @@ vec3 heatColour(float t) {
 
 vec3 texel(ivec2 at) {
     uint t = uint(at.y) * params.textureSize + uint(at.x);
-    if (state.d[0].paint == kPaintVisibility)
+    if (paint == kPaintVisibility)
         return mix(vec3(0.25, 0.2, 0.3), vec3(0.55, 0.85, 0.5), visibility.d[t]);
-    return vec3(tex.d[3 * t], tex.d[3 * t + 1], tex.d[3 * t + 2]);
+    return unpackUnorm4x8(tex.d[t]).rgb;
 }
 
 // What the atlas holds at a UV: bilinear, clamped at the border.
 vec3 paintAt(vec2 uv) {
-    if (state.d[0].paint == kPaintChecker) {
+    if (paint == kPaintChecker) {
         ivec2 cell = ivec2(floor(uv * 32));
         vec3 block = vec3(0.35, 0.35, 0.35) + 0.55 * vec3(uv, 0.5 * (2 - uv.x - uv.y));
         return ((cell.x + cell.y) & 1) == 0 ? block : 0.55 * block;
@@ -71,7 +75,7 @@ vec3 normalOf(int v) {
 float edgeShare(ivec4 v, vec3 b) {
     RasterCamera c = camera.d[0];
     vec3 p0 = vertex(v.x), p1 = vertex(v.y), p2 = vertex(v.z);
-    vec2 scale = vec2(c.fx, c.fy) / float(params.samples);
+    vec2 scale = vec2(c.fx, c.fy) / float(samples);
     vec2 s0 = scale * p0.xy / p0.z, s1 = scale * p1.xy / p1.z, s2 = scale * p2.xy / p2.z;
     float area = abs((s1.x - s0.x) * (s2.y - s0.y) - (s1.y - s0.y) * (s2.x - s0.x));
     vec3 lengths = vec3(distance(s1, s2), distance(s2, s0), distance(s0, s1));
@@ -81,35 +85,43 @@ float edgeShare(ivec4 v, vec3 b) {
     return clamp(1 - nearest, 0, 1) * clamp((height - 0.5) / 5, 0.12, 0.75);
 }
 
-vec3 colourOf(uint sampleIndex, int face) {
+// Towards the eye is -z.
+vec3 normalAt(ivec4 v, vec3 b) {
     ShadeState s = state.d[0];
-    ivec4 v = faces.d[face];
-    vec3 b = surface.d[sampleIndex].xyz;
-    vec3 world = normalize(b.x * normalOf(v.x) + b.y * normalOf(v.y) + b.z * normalOf(v.z) +
-                           vec3(0, 0, 1e-20));
-    vec3 n = vec3(dot(vec3(s.xx, s.xy, s.xz), world), dot(vec3(s.yx, s.yy, s.yz), world),
-                  dot(vec3(s.zx, s.zy, s.zz), world));
-    vec3 colour;
-    if (s.paint == kPaintClay) {
-        // Lit from the camera, so that the shape shows without a light of its own.
-        colour = vec3(0.82, 0.8, 0.77) * (s.lit != 0 ? 1.0 : 0.3 + 0.7 * max(-n.z, 0));
-    } else if (s.paint == kPaintNormals) {
+    vec3 n = normalize(b.x * normalOf(v.x) + b.y * normalOf(v.y) + b.z * normalOf(v.z) +
+                       vec3(0, 0, 1e-20));
+    return vec3(dot(vec3(s.xx, s.xy, s.xz), n), dot(vec3(s.yx, s.yy, s.yz), n),
+                dot(vec3(s.zx, s.zy, s.zz), n));
+}
+
+vec3 colourOf(uint sampleIndex, uint face) {
+    vec3 b = surface.d[sampleIndex].xyz, n = vec3(0, 0, -1), colour;
+    bool shaped = paint == kPaintClay || paint == kPaintNormals || paint == kPaintParts ||
+                  paint == kPaintClamps;
+    ivec4 v = ivec4(0);
+    if (shaped || lit != 0 || wireframe != 0) v = faces.d[face];
+    if (shaped || lit != 0) n = normalAt(v, b);
+    // Without a light of its own the shape is lit from the eye, so that it shows.
+    float headlight = lit != 0 ? 1 : 0.4 + 0.6 * max(-n.z, 0);
+    if (paint == kPaintClay) {
+        colour = vec3(0.82, 0.8, 0.77) * headlight;
+    } else if (paint == kPaintNormals) {
         colour = 0.5 + 0.5 * vec3(n.x, -n.y, -n.z);
-    } else if (s.paint == kPaintParts || s.paint == kPaintClamps) {
+    } else if (paint == kPaintParts || paint == kPaintClamps) {
         vec2 m0 = marks.d[v.x], m1 = marks.d[v.y], m2 = marks.d[v.z];
         float part = b.x >= max(b.y, b.z) ? m0.x : b.y >= b.z ? m1.x : m2.x;
         float bound = b.x * m0.y + b.y * m1.y + b.z * m2.y;
-        colour = (s.paint == kPaintParts ? partColour(part) : heatColour(bound)) *
-                 (s.lit != 0 ? 1.0 : 0.55 + 0.45 * max(-n.z, 0));
+        colour = (paint == kPaintParts ? partColour(part) : heatColour(bound)) * headlight;
     } else {
-        ivec4 t = facesUv.d[face];
-        colour = paintAt(b.x * uvs.d[t.x] + b.y * uvs.d[t.y] + b.z * uvs.d[t.z]);
+        vec4 first = cornerUvs.d[2 * face], second = cornerUvs.d[2 * face + 1];
+        colour = paintAt(b.x * first.xy + b.y * first.zw + b.z * second.xy);
     }
-    if (s.lit != 0 && s.paint != kPaintNormals) {
+    if (lit != 0 && paint != kPaintNormals) {
+        ShadeState s = state.d[0];
         float light = max(dot(n, vec3(s.lightX, s.lightY, s.lightZ)), 0);
         colour = toSrgb(toLinear(clamp(colour, 0, 1)) * (s.ambient + (1 - s.ambient) * light));
     }
-    if (s.wireframe != 0) {
+    if (wireframe != 0) {
         float brightness = dot(colour, vec3(0.3, 0.6, 0.1));
         colour = mix(colour, brightness > 0.45 ? vec3(0.05) : vec3(0.9), edgeShare(v, b));
     }
@@ -120,24 +132,24 @@ ENTRY(forward) {
     uint i = linearIndex();
     if (i >= params.width * params.height) return;
     uint x = i % params.width, y = i / params.width;
-    ShadeState s = state.d[0];
     vec3 behind = unpackUnorm4x8(background.d[i]).rgb, colour = vec3(0);
-    uint side = s.inset;
-    if (side > 0 && x + side >= params.width && y + side >= params.height) {
-        vec2 uv = vec2(x + side - params.width + 0.5, y + side - params.height + 0.5);
-        colour = paintAt(uv / float(side));
-    } else {
-        uint n = params.samples;
-        for (uint k = 0; k < n * n; ++k) {
-            uint at = (y * n + k / n) * params.width * n + x * n + k % n;
-            int face = index.d[at];
-            if (face >= 0)
-                colour += colourOf(at, face);
-            else
-                colour += behind;
-        }
-        colour /= float(n * n);
+    for (uint k = 0; k < samples * samples; ++k) {
+        uint at = (y * samples + k / samples) * params.width * samples + x * samples + k % samples;
+        int face = index.d[at];
+        colour += face < 0 ? behind : colourOf(at, uint(face));
     }
-    if (s.blueFirst != 0) colour = colour.bgr;
+    colour /= float(samples * samples);
+    if (params.blueFirst != 0) colour = colour.bgr;
     picture.d[i] = packUnorm4x8(vec4(colour, 1));
+}
+
+// The atlas itself, in the lower right corner.
+ENTRY(inset) {
+    uint i = linearIndex(), side = params.inset;
+    if (i >= side * side) return;
+    uint x = i % side, y = i / side;
+    vec3 colour = paintAt(vec2(x + 0.5, y + 0.5) / float(side));
+    if (params.blueFirst != 0) colour = colour.bgr;
+    picture.d[(params.height - side + y) * params.width + params.width - side + x] =
+        packUnorm4x8(vec4(colour, 1));
 }
