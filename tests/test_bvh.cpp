@@ -396,6 +396,48 @@ TEST(Bvh, SpreadsTheSpine) {
     }
 }
 
+// Offsets along each bone's own axis and turns from one to the next, as game engines have them.
+TEST(Bvh, ReadsSkeletonsOfTheirOwnAxes) {
+    const std::vector<Bone> bones = person(false);
+    std::vector<Angles> frames = {
+        {{"LeftArm", turn(-50, kZ)}, {"RightLeg", turn(80, kX)}, {"Spine1", turn(20, kX)}},
+        {},  // the T-pose, somewhere in between
+        {{"Hips", turn(70, kY)}, {"LeftForeArm", turn(-90, kY)}, {"Head", turn(30, kY)}},
+    };
+    const std::vector<glm::dvec3> places = {{.1, .9, .2}, {0, .95, 0}, {-.3, .95, 1}};
+    const Motion expected = motionOf(bvhText(bones, frames, places));
+    std::map<std::string, glm::dquat> axes;
+    for (const Bone& bone : bones) {
+        // Along x where the next bone is; a made-up roll about it.
+        glm::dvec3 way(0, 1, 0);
+        for (const Bone& child : bones)
+            if (child.parent == bone.name) way = glm::normalize(child.offset);
+        const glm::dvec3 axis = glm::cross(kX, way);
+        const double sine = glm::length(axis);
+        axes[bone.name] = (sine > 1e-9 ? quaternionOf(axis / sine * std::acos(way.x))
+                           : way.x > 0 ? turn(0, kX)
+                                       : turn(180, kZ)) *
+                          turn(double(axes.size()) * 31, kX);
+    }
+    std::vector<Bone> own;
+    std::vector<Angles> turned(frames.size());
+    for (const Bone& bone : bones) {
+        const glm::dquat above = bone.parent.empty() ? turn(0, kX) : axes[bone.parent];
+        own.push_back({bone.name, bone.parent, glm::conjugate(above) * bone.offset});
+        for (size_t f = 0; f < frames.size(); ++f) {
+            const auto found = frames[f].find(bone.name);
+            const glm::dquat local = found == frames[f].end() ? turn(0, kX) : found->second;
+            turned[f][bone.name] = glm::conjugate(above) * local * axes[bone.name];
+        }
+    }
+    const Motion motion = motionOf(bvhText(own, turned, places));
+    for (size_t f = 0; f < frames.size(); ++f) {
+        for (size_t j = 0; j < joint::kCount; ++j)
+            expectRotation(motion.theta[f], j, axisAngle(expected.theta[f], j), 1e-3);
+        for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(motion.trans[f][c], expected.trans[f][c], 1e-3);
+    }
+}
+
 TEST(Bvh, GuessesTheUnit) {
     const std::vector<glm::dvec3> places = {{0, .95, 0}, {1, .9, -2}};
     std::optional<Motion> metres;
@@ -503,6 +545,8 @@ TEST(Bvh, StandsUprightBeforeACamera) {
         }
         EXPECT_NEAR(seen.trans[1][0] - seen.trans[0][0], .5 * .7551 / .8, .02);
         EXPECT_NEAR(seen.trans[1][1] - seen.trans[0][1], 0, .02);
+        // The pelvis as high above the origin as in the file: y is down now.
+        EXPECT_NEAR(-(seen.trans[0][1] - .223), .9 * .7551 / .8 + .0603, 5e-3);
         EXPECT_EQ(inCameraSpace(seen).theta, seen.theta);
     }
 }
@@ -634,7 +678,7 @@ TEST(Bvh, RefusesWhatIsNone) {
     for (Bone& bone : flat) bone.offset = glm::dvec3(0, glm::length(bone.offset), 0);
     EXPECT_NE(messageOf<InputError>([&] {
                   motionOf(bvhText(flat, {{}}, {{0, 1, 0}}));
-              }).find("test.bvh: OFFSET: expected a rest pose that stands"),
+              }).find("test.bvh: OFFSET: expected a rest pose, or any frame, in which"),
               std::string::npos);
     for (Bone& bone : flat) bone.offset = glm::dvec3(0);
     EXPECT_EQ(messageOf<InputError>([&] {

@@ -478,7 +478,11 @@ class Retarget {
 public:
     explicit Retarget(const Bvh& bvh) : bvh_(bvh), map_(findJoints(bvh)), rest_(bvh.place(-1)) {
         findScale();
-        findFrame();
+        // Some programs' offsets lie along each bone's own axis: what they make is no person. Then
+        // the frame in which the body is most stretched serves as the rest pose.
+        const bool asIs = stands();
+        if (!asIs) takeStretchedFrame();
+        findFrame(asIs);
         for (glm::dquat& align : align_) align = frame_;
         for (const size_t right : {0u, 1u}) {
             alignLimb(
@@ -491,7 +495,6 @@ public:
     void pose(int64_t frame, Theta& theta, Trans& trans) const {
         const Bvh::Placement placed = bvh_.place(frame);
         std::array<glm::dquat, joint::kCount> global;
-        const auto source = [&](int j) { return placed.rotation[static_cast<size_t>(j)]; };
         for (size_t j = 0; j < joint::kCount; ++j) {
             if (j == joint::kSpine1 || j == joint::kSpine2 || j == joint::kSpine3) {
                 const double share = j == joint::kSpine1 ? 1. : j == joint::kSpine2 ? 2. : 3.;
@@ -499,7 +502,7 @@ public:
             } else if (j == joint::kNeck && !map_.neck.empty()) {
                 global[j] = middleOf(placed, map_.neck) * frame_;
             } else if (map_.of[j] != kNone) {
-                global[j] = source(map_.of[j]) * align_[j];
+                global[j] = turned(placed, map_.of[j]) * align_[j];
             } else {
                 global[j] = global[static_cast<size_t>(kParents[j])];
             }
@@ -524,6 +527,15 @@ private:
     glm::dvec3 restPlace(size_t joint) const {
         return rest_.position[static_cast<size_t>(map_.of[joint])];
     }
+    glm::dvec3 restMiddle(size_t left) const {
+        return .5 * (restPlace(left) + restPlace(left + 1));
+    }
+
+    // How a joint of the source has turned since the rest pose, in the world.
+    glm::dquat turned(const Bvh::Placement& placed, int joint) const {
+        const auto j = static_cast<size_t>(joint);
+        return placed.rotation[j] * glm::conjugate(rest_.rotation[j]);
+    }
 
     void findScale() {
         double ours = 0, theirs = 0;
@@ -541,38 +553,75 @@ private:
         scale_ = ours / theirs;
     }
 
-    // Which way the rest pose stands and looks: SMPL's axes in the source's world.
-    void findFrame() {
-        const auto middle = [&](size_t left) {
-            return .5 * (restPlace(left) + restPlace(left + 1));
-        };
-        glm::dvec3 side = restPlace(joint::kLeftHip) - restPlace(joint::kRightHip) +
-                          restPlace(joint::kLeftShoulder) - restPlace(joint::kRightShoulder);
-        glm::dvec3 up = middle(joint::kLeftShoulder) - middle(joint::kLeftKnee);
+    // From right to left, and from knees to shoulders.
+    glm::dvec3 sideways() const {
+        return restPlace(joint::kLeftHip) - restPlace(joint::kRightHip) +
+               restPlace(joint::kLeftShoulder) - restPlace(joint::kRightShoulder);
+    }
+    glm::dvec3 upwards() const {
+        return restMiddle(joint::kLeftShoulder) - restMiddle(joint::kLeftKnee);
+    }
+
+    bool stands() const {
+        const glm::dvec3 side = sideways(), up = upwards();
         const double tall = glm::length(up), wide = glm::length(side);
-        // A person is .9 m from knees to shoulders, legs .75 m, and hips and shoulders together
-        // half a metre wide.
-        const bool standing = scale_ * tall > .4 && scale_ * wide > .1 &&
-                              std::abs(glm::dot(up, side)) < .6 * tall * wide;
-        if (!standing)
-            throwInput(
-                "{}: OFFSET: expected a rest pose that stands (arms may be anywhere), found "
-                "shoulders {:.2f} leg lengths above the knees and sides {:.2f} apart",
-                bvh_.file, scale_ * tall / .755, scale_ * wide / .755);
-        up /= tall;
-        side = glm::normalize(side - glm::dot(side, up) * up);
-        glm::dmat3 axes(side, up, glm::cross(side, up));
-        // Rest poses look along an axis; what they lean beside it is anatomy.
-        glm::dmat3 snapped(0);
-        bool near = true;
-        for (int c = 0; c < 3; ++c) {
-            int largest = 0;
-            for (int r = 1; r < 3; ++r)
-                if (std::abs(axes[c][r]) > std::abs(axes[c][largest])) largest = r;
-            snapped[c][largest] = axes[c][largest] < 0 ? -1 : 1;
-            near = near && std::abs(axes[c][largest]) > .9;
+        // A person is .9 m from knees to shoulders, hips and shoulders together half a metre wide,
+        // and the knees are below the hips as the hips are below the shoulders.
+        return scale_ * tall > .5 && scale_ * wide > .1 &&
+               std::abs(glm::dot(up, side)) < .5 * tall * wide &&
+               glm::dot(up, restMiddle(joint::kLeftHip) - restMiddle(joint::kLeftKnee)) >
+                   .7 * tall * .34 / scale_;
+    }
+
+    void takeStretchedFrame() {
+        constexpr size_t kLookedAt = 500;
+        Bvh::Placement best;
+        double longest = 0;
+        const size_t step = (bvh_.frames + kLookedAt - 1) / kLookedAt;
+        for (size_t f = 0; f < bvh_.frames; f += step) {
+            rest_ = bvh_.place(static_cast<int64_t>(f));
+            if (!stands()) continue;
+            double length = 0;
+            const auto add = [&](size_t from, size_t to) {
+                if (map_.of[to] != kNone) length += glm::length(restPlace(to) - restPlace(from));
+            };
+            for (const size_t right : {0u, 1u}) {
+                add(joint::kLeftShoulder + right, joint::kLeftKnee + right);
+                add(joint::kLeftShoulder + right, joint::kLeftAnkle + right);
+                add(joint::kLeftShoulder + right, joint::kLeftWrist + right);
+            }
+            if (length <= longest * (1 + 1e-9)) continue;
+            longest = length;
+            best = rest_;
         }
-        frame_ = glm::normalize(glm::quat_cast(near ? snapped : axes));
+        if (longest == 0)
+            throwInput(
+                "{}: OFFSET: expected a rest pose, or any frame, in which a person stands upright, "
+                "found none",
+                bvh_.file);
+        rest_ = std::move(best);
+    }
+
+    // Which way the rest pose stands and looks: SMPL's axes in the source's world.
+    void findFrame(bool looksAlongAnAxis) {
+        // People stand along an axis of the world, and rest poses look along one too; what bones
+        // lean beside it is anatomy.
+        const auto snapped = [](const glm::dvec3& v) {
+            int largest = 0;
+            for (int c = 1; c < 3; ++c)
+                if (std::abs(v[c]) > std::abs(v[largest])) largest = c;
+            glm::dvec3 axis(0);
+            axis[largest] = v[largest] < 0 ? -1 : 1;
+            return std::abs(v[largest]) > .9 ? axis : v;
+        };
+        const glm::dvec3 up = snapped(glm::normalize(upwards()));
+        glm::dvec3 side = sideways();
+        side = glm::normalize(side - glm::dot(side, up) * up);
+        if (looksAlongAnAxis) {
+            side = snapped(side);
+            side = glm::normalize(side - glm::dot(side, up) * up);
+        }
+        frame_ = glm::normalize(glm::quat_cast(glm::dmat3(side, up, glm::cross(side, up))));
     }
 
     // From joint to joint along a limb, which turns its bones as little as possible from those of
@@ -594,26 +643,29 @@ private:
                     theirs = ending(map_.of[joint]);
                 const double length = glm::length(theirs);
                 const glm::dvec3 before = align * ours;
-                // The ends of hands are anything; what points elsewhere than the forearm is left.
+                // A thumb alone points elsewhere than the hand.
                 const bool sure = map_.of[joints[i + 1]] != kNone;
-                if (length > 1e-6 / scale_ && (sure || glm::dot(before, theirs) > .7 * length))
+                if (length > 1e-6 / scale_ && (sure || glm::dot(before, theirs) > .9 * length))
                     align = turnBetween(before, theirs / length) * align;
             }
             align_[joint] = glm::normalize(align);
         }
     }
 
-    // From a joint to its first child, whatever it is.
+    // From a hand to the middle of what hangs on it. Where that is only a bone's end it may be
+    // anything.
     glm::dvec3 ending(int joint) const {
+        glm::dvec3 sum(0);
         for (size_t j = 0; j < bvh_.joints.size(); ++j)
-            if (bvh_.joints[j].parent == joint) return bvh_.joints[j].offset;
-        return glm::dvec3(0);
+            if (bvh_.joints[j].parent == joint && bvh_.joints[j].name != "End Site")
+                sum += rest_.position[j] - rest_.position[static_cast<size_t>(joint)];
+        return sum;
     }
 
     // The spine's turn from the world at a share of its way from the pelvis up.
     glm::dquat spineAt(const Bvh::Placement& placed, double share) const {
         const auto at = [&](size_t i) {
-            return placed.rotation[static_cast<size_t>(i == 0 ? map_.of[0] : map_.spine[i - 1])];
+            return turned(placed, i == 0 ? map_.of[joint::kPelvis] : map_.spine[i - 1]);
         };
         const double place = share * static_cast<double>(map_.spine.size());
         const auto below =
@@ -624,7 +676,7 @@ private:
     }
 
     glm::dquat middleOf(const Bvh::Placement& placed, const std::vector<int>& joints) const {
-        const auto at = [&](size_t i) { return placed.rotation[static_cast<size_t>(joints[i])]; };
+        const auto at = [&](size_t i) { return turned(placed, joints[i]); };
         const size_t half = (joints.size() - 1) / 2;
         return joints.size() % 2 ? at(half) : glm::slerp(at(half), at(half + 1), .5);
     }

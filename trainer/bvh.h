@@ -53,8 +53,9 @@ Bvh bvhFromText(std::string_view text, const std::string& file);
 // Joints are found by the names that CMU's files, Mixamo, Biovision, Poser, 3ds Max, Unreal,
 // Rokoko, Xsens and SMPL's programs give them; left and right hips, knees, shoulders and elbows
 // have to be there. The rest pose may be any standing one (T, A, arms down) that looks along an
-// axis: limbs are turned so that each bone points where the source's does. As many spine joints as
-// the source has become SMPL's three. The legs' lengths give the scale, whatever the unit: the hips
+// axis; where the offsets make no such pose, the frame that is stretched most stands in for it.
+// Limbs are turned so that each bone points where the source's does. As many spine joints as the
+// source has become SMPL's three. The legs' lengths give the scale, whatever the unit: the hips
 // move as far as legs of the default body's length carry them.
 Motion motionFromBvh(const Bvh& bvh);
 

@@ -15,6 +15,7 @@
 #include "engine/io/image.h"
 #include "engine/npz.h"
 #include "trainer/bvh.h"
+#include "trainer/joints.h"
 
 namespace doppel {
 namespace fs = std::filesystem;
@@ -24,10 +25,7 @@ namespace {
 using Vec3 = std::array<double, 3>;
 using Mat3 = std::array<Vec3, 3>;
 
-// The default body's pelvis in the rest pose, which is where SMPL's lies for the mean shape. Poses
-// turn about it, so moving them from world into camera space takes it.
-constexpr Vec3 kPelvis{0, -.223, .028};
-
+constexpr Vec3 kPelvis = kRestPelvis;
 constexpr int kSmplJoints = 24;
 
 // ---- rotations ----------------------------------------------------------------------------------

@@ -43,6 +43,10 @@ enum Number : size_t {
 };
 }  // namespace joint
 
+// The default body's pelvis in the rest pose, metres, which is where SMPL's lies for the mean shape.
+// Poses turn about it, so moving them from one space into another takes it.
+inline constexpr std::array<double, 3> kRestPelvis{0, -.223, .028};
+
 // "left_wrist"; in snake case, as SMPL's programs write them.
 const char* jointName(size_t joint);
 std::optional<size_t> jointNumber(std::string_view name);

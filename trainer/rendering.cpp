@@ -62,10 +62,12 @@ Shot turned(const Shot& shot, double turns) {
 Motion inCameraSpace(Motion motion) {
     const glm::dquat turn = glm::dquat(0, 1, 0, 0) * uprightRotation(motion);
     if (std::abs(turn.w) > 1 - 1e-12) return motion;
+    const glm::dvec3 pelvis(kRestPelvis[0], kRestPelvis[1], kRestPelvis[2]);
     for (size_t i = 0; i < motion.size(); ++i) {
         setJointRotation(motion.theta[i], 0, turn * jointRotation(motion.theta[i], 0));
         Trans& trans = motion.trans[i];
-        const glm::dvec3 place = turn * glm::dvec3(trans[0], trans[1], trans[2]);
+        const glm::dvec3 place =
+            turn * (pelvis + glm::dvec3(trans[0], trans[1], trans[2])) - pelvis;
         for (int k = 0; k < 3; ++k) trans[static_cast<size_t>(k)] = static_cast<float>(place[k]);
     }
     return motion;

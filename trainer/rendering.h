@@ -25,8 +25,8 @@ Shot restShot(Device& device, const Avatar& avatar, int size);
 Shot turned(const Shot& shot, double turns);
 
 // The motion in a camera's space, y down: poses without cameras that were made with y or z up are
-// turned (see uprightRotation), the others stay to the last bit. Places are turned about the
-// origin, so the person need not be in front of the camera.
+// turned about the world's origin (see uprightRotation), the others stay to the last bit. The person
+// need not be in front of the camera.
 Motion inCameraSpace(Motion motion);
 
 // A motion through its own cameras; its poses are shown by the avatar's body as they are.
