@@ -39,7 +39,7 @@ double resistanceOf(size_t joint) {
     }
 }
 // The pelvis's place, m² per m²: dragged itself, and giving way above pinned legs.
-constexpr double kDraggedPlace = 1e-6, kGivingPlace = .15;
+constexpr double kDraggedPlace = 1e-6, kGivingPlace = .5;
 
 // Beyond this distance, metres, the pull of a target grows no more (Huber's loss): a cursor far
 // away stretches the body towards it as one just out of reach does.
