@@ -247,6 +247,38 @@ TEST_F(Resume, EndsWithTheSameBytesAfterBeingKilledBetweenCheckpoints) {
     expectSameResult(options.out, whole());
 }
 
+TEST_F(Resume, EndsWithTheSameBytesWhenItIsWatched) {
+    TrainOptions options = restlessOptions(capture(), folder_->path() / "watched");
+    Avatar avatar;
+    avatar.bodyArrays = readBodyArrays(options.body);
+    avatar.body = bodyFromNpz(avatar.bodyArrays);
+    avatar.preset = options.preset;
+    TrainSettings settings;
+    settings.stages = options.stages;
+    settings.out = options.out;
+    settings.pictureSeconds = 1e-9;  // after every step
+    bool opened = false;
+    settings.opened = [&] {
+        opened = true;
+        Avatar live = readAvatar(liveFolder(options.out));
+        EXPECT_TRUE(live.meshNet.empty());
+        EXPECT_TRUE(live.texture.empty());
+    };
+    std::map<std::string, int> states;
+    settings.afterStep = [&](const std::string& stage, int64_t done) {
+        if (stage == "fit" || done % 3 != 0) return;
+        Avatar live = readAvatar(liveFolder(options.out));
+        ++states[stage];
+        EXPECT_FALSE(live.meshNet.empty());
+        EXPECT_EQ(live.textureNet.empty(), stage == "mesh");
+        EXPECT_EQ(live.refineNet.empty(), stage != "refine");
+    };
+    trainAvatar(testDevice(), std::move(avatar), readCapture(options.capture), settings);
+    EXPECT_TRUE(opened);
+    EXPECT_EQ(states, (std::map<std::string, int>{{"mesh", 2}, {"texture", 2}, {"refine", 2}}));
+    expectSameResult(options.out, whole());
+}
+
 TEST_F(Resume, StartsOverWhenAsked) {
     struct Killed {};
     TrainOptions options = restlessOptions(capture(), folder_->path() / "restarted");

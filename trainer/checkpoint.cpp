@@ -175,6 +175,7 @@ void removeTrainingState(const fs::path& avatar) {
         if (path.extension() == ".safetensors" || path.filename() == "poses.npz")
             fs::remove(path, ignored);
     }
+    fs::remove_all(folder / "live", ignored);
     fs::remove(recordPath(avatar), ignored);
     fs::remove(folder, ignored);  // unless there is something else in it
 }

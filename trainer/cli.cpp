@@ -350,6 +350,9 @@ struct CommandLine {
                      "Seconds between pictures of the state; 0: none")
             ->capture_default_str()
             ->check(CLI::NonNegativeNumber);
+        c.add_flag("--view", train.view,
+                   "Open a window (`doppel view`) that shows the present state; the result is the "
+                   "same, and closing it does not stop the training");
         c.add_option("--profile", train.profileSteps,
                      "Run so many steps of each stage, print memory and time per op, keep nothing")
             ->check(CLI::Range(1, 1000));

@@ -55,6 +55,7 @@ struct TrainOptions {
     double pictureSeconds = 60;      // a picture of the state this often; 0: none
     uint64_t memoryBudget = 0;       // bytes for the graph's temporaries; 0: what the device has
     int profileSteps = 0;  // > 0: time so many steps of each stage per op, and keep nothing
+    bool view = false;     // open a viewer that shows the run's present state
 };
 
 struct RenderOptions {

@@ -1,4 +1,8 @@
+#include <spawn.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cstring>
 #include <iostream>
 #include <nlohmann/json.hpp>
 
@@ -7,6 +11,31 @@
 #include "trainer/train.h"
 
 namespace doppel {
+
+namespace {
+
+// A process of its own, so that whatever happens to the window leaves the run alone; and a process
+// group of its own, so that Ctrl-C stops the run and not the window.
+void openViewer(const TrainOptions& options) {
+    std::string program = std::filesystem::read_symlink("/proc/self/exe").string();
+    std::vector<std::string> words{program, "view", options.out.string(), "--motion",
+                                   options.capture.string()};
+    if (!options.common.device.empty())
+        words.insert(words.end(), {"--device", options.common.device});
+    std::vector<char*> arguments;
+    for (std::string& word : words) arguments.push_back(word.data());
+    arguments.push_back(nullptr);
+    posix_spawnattr_t attributes;
+    posix_spawnattr_init(&attributes);
+    posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
+    pid_t child = 0;
+    int error =
+        posix_spawn(&child, program.c_str(), nullptr, &attributes, arguments.data(), environ);
+    posix_spawnattr_destroy(&attributes);
+    if (error != 0) throwMachine("--view: the viewer cannot be started: {}", strerror(error));
+}
+
+}  // namespace
 
 void runTrain(const TrainOptions& options) {
     Capture capture = readCapture(options.capture);
@@ -66,6 +95,12 @@ void runTrain(const TrainOptions& options) {
     settings.pictureSeconds = options.pictureSeconds;
     settings.memoryBudget = options.memoryBudget;
     settings.profileSteps = options.profileSteps;
+    if (options.view) {
+        constexpr double kSeconds = 8;  // between the states that the window shows
+        if (settings.pictureSeconds <= 0 || settings.pictureSeconds > kSeconds)
+            settings.pictureSeconds = kSeconds;
+        settings.opened = [&] { openViewer(options); };
+    }
     TrainResult result = trainAvatar(device, std::move(avatar), std::move(capture), settings);
     if (settings.profileSteps > 0) return;
     if (options.common.json) {

@@ -11,6 +11,7 @@
 #include "nn/texture_layout.h"
 #include "trainer/checkpoint.h"
 #include "trainer/sheet.h"
+#include "trainer/train.h"
 
 namespace doppel {
 
@@ -69,9 +70,7 @@ TextureNet::TextureNet(Device& device, const TexturePreset& preset, const Weight
     loadWeights(unet_.statistics(), weights, "texture_net.safetensors");
 }
 
-WeightMap TextureNet::weights() const {
-    return weightsOf(unet_);
-}
+WeightMap TextureNet::weights() const { return weightsOf(unet_); }
 
 std::vector<Tensor> TextureNet::forward(Graph& graph, const std::vector<Tensor>& maps,
                                         bool training) const {
@@ -136,7 +135,8 @@ Tensor RefineNet::forward(Graph& graph, const TextureNet& coarse, std::span<cons
     int64_t size = unet_.config().size;
     Tensor maps = map.reshaped({1, 1, size, size}), planes;
     if (constant.empty())
-        planes = scaleShift(graph, coarse.unet().forward(graph, maps, {.frozen = true}), 0.5f, 0.5f);
+        planes =
+            scaleShift(graph, coarse.unet().forward(graph, maps, {.frozen = true}), 0.5f, 0.5f);
     else
         planes = planar(graph, {graph.constant(constant, {size, size, 3})});
     return interleave(graph,
@@ -226,8 +226,8 @@ bool PictureClock::due() {
     return true;
 }
 
-void writeStatePicture(Device& device, const Avatar& avatar, const Capture& capture,
-                       FrameCache& frames, const std::filesystem::path& path) {
+void writeState(Device& device, const Avatar& avatar, const Capture& capture, FrameCache& frames,
+                const std::filesystem::path& out) {
     constexpr size_t kShown = 4;
     constexpr int kSide = 256;
     AvatarRenderer renderer(device, avatar);
@@ -251,7 +251,8 @@ void writeStatePicture(Device& device, const Avatar& avatar, const Capture& capt
         above.push_back(toImage(cut.image, kSide, kSide));
         below.push_back(toImage(over, kSide, kSide));
     }
-    writeImage(path, contactSheet({above, below}));
+    writeImage(out / "progress.png", contactSheet({above, below}));
+    writeLiveAvatar(out, avatar);
 }
 
 }  // namespace doppel

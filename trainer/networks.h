@@ -98,8 +98,9 @@ private:
     double last_;
 };
 
-// A few frames, and the avatar in its present state over them.
-void writeStatePicture(Device& device, const Avatar& avatar, const Capture& capture,
-                       FrameCache& frames, const std::filesystem::path& path);
+// What a run is at, for whoever looks: OUT/progress.png, a few frames with the avatar in its present
+// state over them, and that avatar itself in liveFolder(OUT).
+void writeState(Device& device, const Avatar& avatar, const Capture& capture, FrameCache& frames,
+                const std::filesystem::path& out);
 
 }  // namespace doppel

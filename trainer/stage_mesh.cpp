@@ -83,7 +83,7 @@ void trainMesh(Device& device, Avatar& avatar, const Capture& capture,
     };
     loop.picture = [&] {
         avatar.meshNet = readWeights(net);
-        writeStatePicture(device, avatar, capture, cache, settings.out / "progress.png");
+        writeState(device, avatar, capture, cache, settings.out);
     };
     loop.profile = [&] { printProfile("mesh", step.graph); };
     if (loop.run(settings)) avatar.meshNet = readWeights(net);

@@ -124,7 +124,7 @@ void trainRefine(Device& device, Avatar& avatar, const Capture& capture,
     };
     loop.picture = [&] {
         avatar.refineNet = weightsOf(nets.generator);
-        writeStatePicture(device, avatar, capture, cache, settings.out / "progress.png");
+        writeState(device, avatar, capture, cache, settings.out);
     };
     loop.profile = [&] { printProfile("refine", step.graph); };
     if (!loop.run(settings)) return;

@@ -81,7 +81,7 @@ void trainTexture(Device& device, Avatar& avatar, const Capture& capture,
     };
     loop.picture = [&] {
         paint();
-        writeStatePicture(device, avatar, capture, cache, settings.out / "progress.png");
+        writeState(device, avatar, capture, cache, settings.out);
     };
     loop.profile = [&] { printProfile("texture", step.graph); };
     if (loop.run(settings)) paint();

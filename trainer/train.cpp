@@ -220,6 +220,10 @@ TrainResult trainAvatar(Device& device, Avatar avatar, Capture capture,
     TrainResult result{std::move(avatar), std::move(capture), std::nullopt};
     Run run(settings, result.avatar, result.capture);
     try {
+        if (settings.opened && settings.keeps()) {
+            writeLiveAvatar(settings.out, result.avatar);
+            settings.opened();
+        }
         trainStages(device, result, settings, run);
     } catch (...) {
         run.forgetIfEmpty();
@@ -230,6 +234,12 @@ TrainResult trainAvatar(Device& device, Avatar avatar, Capture capture,
 
 std::filesystem::path liveFolder(const std::filesystem::path& avatar) {
     return avatar / "checkpoints" / "live";
+}
+
+void writeLiveAvatar(const std::filesystem::path& out, const Avatar& avatar) {
+    OutputFolder live(liveFolder(out), "avatar.toml");
+    writeAvatar(live.folder(), avatar);
+    live.commit();
 }
 
 }  // namespace doppel

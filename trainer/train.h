@@ -14,6 +14,9 @@ namespace doppel {
 // resume: go on with the unfinished run in `out`, which must have been asked for the same;
 // otherwise what is left of one is removed.
 struct TrainSettings : LoopSettings {
+    // Called once the run's folder holds a first state in liveFolder(); may be empty, and then that
+    // comes with the first picture.
+    std::function<void()> opened;
     std::vector<std::string> stages{"fit", "mesh", "texture"};  // in this order
     uint64_t memoryBudget = 0;
 };
@@ -30,9 +33,10 @@ struct TrainResult {
 TrainResult trainAvatar(Device& device, Avatar avatar, Capture capture,
                         const TrainSettings& settings);
 
-// Where an unfinished run leaves its present state, as an avatar, whenever it draws a picture of
-// it.
+// Where an unfinished run leaves its present state, as an avatar, whenever it draws a picture of it;
+// it appears whole each time, and goes with the run's end.
 std::filesystem::path liveFolder(const std::filesystem::path& avatar);
+void writeLiveAvatar(const std::filesystem::path& out, const Avatar& avatar);
 
 // Stage 1: the mesh refinement network G_m against the masks; fills avatar.meshNet.
 void trainMesh(Device& device, Avatar& avatar, const Capture& capture,

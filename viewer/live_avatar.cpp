@@ -49,8 +49,9 @@ std::shared_ptr<LoadedAvatar> LiveAvatar::changed() {
         if (reading_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return nullptr;
         try {
             return reading_.get();
-        } catch (const InputError&) {
-            return nullptr;  // it was being written; the next state comes
+        } catch (const std::exception&) {
+            seen_ = {};  // it was being replaced, or went away: once more
+            return nullptr;
         }
     }
     Stamp stamp = newest();

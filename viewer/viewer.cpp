@@ -262,19 +262,11 @@ void Viewer::loadMotion(const fs::path& path, const std::string& frames) {
     capture_.reset();
     captureFrames_.reset();
     if (motion.cameras.empty()) {
-        // Upright in front of the camera, where it stood before.
-        Shot rest = restShot(device_, avatar_->avatar, 512);
-        glm::dquat turn = glm::dquat(0, 1, 0, 0) * uprightRotation(motion);
-        Trans first = motion.trans[0];
-        for (size_t i = 0; i < motion.size(); ++i) {
-            setJointRotation(motion.theta[i], 0, turn * jointRotation(motion.theta[i], 0));
-            glm::dvec3 moved(0);
-            for (int k = 0; k < 3; ++k)
-                moved[k] = double(motion.trans[i][size_t(k)]) - double(first[size_t(k)]);
-            moved = turn * moved;
-            for (int k = 0; k < 3; ++k)
-                motion.trans[i][size_t(k)] = rest.trans[size_t(k)] + float(moved[k]);
-        }
+        // Upright, and where the avatar stands before it moves.
+        motion = inCameraSpace(std::move(motion));
+        Trans first = motion.trans[0], place = restShot(device_, avatar_->avatar, 512).trans;
+        for (Trans& trans : motion.trans)
+            for (size_t k = 0; k < 3; ++k) trans[k] += place[k] - first[k];
         settings_.captureCamera = false;
     } else if (fs::is_directory(path / "images")) {
         capture_ = readCapture(path).subset(chosen);
