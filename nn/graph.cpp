@@ -407,17 +407,25 @@ void Graph::submit() {
     }
     recorder.submit();
     slot_ ^= 1;
+    ++replays_;
 }
 
-void Graph::wait() { recorders_[slot_ ^ 1]->wait(); }
+int Graph::slotOf(int back) const {
+    CHECK(back >= 0 && back < 2 && back < replays_,
+          "of the {} replays so far, the newest or the one before is waited for, not {} back",
+          replays_, back);
+    return slot_ ^ 1 ^ back;
+}
 
-void Graph::readBytes(const Tensor& tensor, std::span<std::byte> bytes) {
-    wait();
+void Graph::wait(int back) { recorders_[slotOf(back)]->wait(); }
+
+void Graph::readBytes(const Tensor& tensor, std::span<std::byte> bytes, int back) {
+    wait(back);
     auto output = std::ranges::find_if(outputs_, [&](const HostOutput& o) {
         return o.tensor.storage == tensor.storage && o.tensor.offset == tensor.offset;
     });
     CHECK(output != outputs_.end(), "only outputs are read");
-    const std::byte* source = readback_[slot_ ^ 1].mapped() + output->stagingOffset;
+    const std::byte* source = readback_[slotOf(back)].mapped() + output->stagingOffset;
     std::copy(source, source + bytes.size(), bytes.begin());
 }
 

@@ -131,21 +131,24 @@ public:
     void setStep(const StepParams& params);
     // Starts a replay with the inputs as written; up to two are in flight.
     void submit();
-    // Waits for the newest replay.
-    void wait();
+    // Waits for the newest replay, or for the one before it (back = 1).
+    void wait(int back = 0);
     void run() {
         submit();
         wait();
     }
-    // Of an output() tensor, from the newest replay; waits for it.
+    // Of an output() tensor, from the newest replay, or from the one before it (back = 1), so that
+    // the newest goes on meanwhile; waits for it.
     template <typename T = float>
-    std::vector<T> read(const Tensor& output) {
+    std::vector<T> read(const Tensor& output, int back = 0) {
         static_assert(sizeof(T) == 4);
         std::vector<T> values(static_cast<size_t>(output.elements()));
-        readBytes(output, std::as_writable_bytes(std::span(values)));
+        readBytes(output, std::as_writable_bytes(std::span(values)), back);
         return values;
     }
-    float readScalar(const Tensor& output) { return read<float>(output).at(0); }
+    float readScalar(const Tensor& output, int back = 0) {
+        return read<float>(output, back).at(0);
+    }
 
     // Bytes of the planned memory, and what it would take without reuse.
     uint64_t temporaryBytes() const { return plannedBytes_; }
@@ -210,7 +213,8 @@ private:
     void use(const Tensor& tensor);
     void accumulateGradients();
     void writeBytes(const Tensor& input, std::span<const std::byte> bytes);
-    void readBytes(const Tensor& output, std::span<std::byte> bytes);
+    void readBytes(const Tensor& output, std::span<std::byte> bytes, int back);
+    int slotOf(int back) const;
     void planMemory(const CompileOptions& options);
     void record(int slot, const CompileOptions& options);
     BufferView viewOf(const Tensor& tensor) const;
@@ -229,7 +233,8 @@ private:
     Buffer upload_[2], readback_[2];
     std::unique_ptr<Recorder> recorders_[2];
     Tensor none_, step_;
-    int slot_ = 0;  // of the next submission
+    int slot_ = 0;         // of the next submission
+    int64_t replays_ = 0;  // submitted so far
     bool compiled_ = false;
     uint64_t plannedBytes_ = 0, unsharedBytes_ = 0;
 };

@@ -1,10 +1,14 @@
 #include "nn/inference.h"
 
+#include "nn/elementwise.h"
+#include "nn/texture_layout.h"
+
 namespace doppel {
 
 Inference::Inference(Device& device, const BodyModel& body, const std::array<float, 10>& betas,
                      const Parameters& meshNet, const TextureUnet& textureNet,
-                     const InferenceConfig& config, const CompileOptions& options)
+                     const InferenceConfig& config, const CompileOptions& options,
+                     const TextureUnet* refineNet)
     : graph(device) {
     theta = graph.input({72});
     trans = graph.input({3});
@@ -19,8 +23,13 @@ Inference::Inference(Device& device, const BodyModel& body, const std::array<flo
     RasterMesh mesh = rasterMesh(graph, body.faces, body.vertexCount);
     Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
     RasterAtlas atlas = rasterAtlas(graph, uvs, body.uvFaces);
-    Tensor map = visibilityMap(graph, mesh, verts, atlas, textureNet.config().size);
-    texture = paintTextures(graph, textureNet, {map}, {}).at(0);
+    int64_t size = textureNet.config().size;
+    Tensor map = visibilityMap(graph, mesh, verts, atlas, size).reshaped({1, 1, size, size});
+    constexpr TextureUnet::Mode kFrozen{.frozen = true};
+    Tensor planes = scaleShift(graph, textureNet.forward(graph, map, kFrozen), 0.5f, 0.5f);
+    if (refineNet)
+        planes = refineTextures(graph, *refineNet, planes, map, kFrozen, config.residual);
+    texture = interleave(graph, planes).at(0);
     VisibilityBuffer seen =
         visibilityBuffer(graph, mesh, verts, camera, config.height, config.width);
     image = texturedRender(graph, seen, atlas, texture);

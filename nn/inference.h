@@ -4,6 +4,7 @@
 #include <array>
 
 #include "nn/mesh_step.h"
+#include "nn/refine.h"
 #include "nn/texture_step.h"
 
 namespace doppel {
@@ -12,6 +13,7 @@ struct InferenceConfig {
     MeshNetConfig net;
     ClampBounds clamps = ClampBounds::Paper;
     int height = 512, width = 512;  // of the picture
+    Residual residual = Residual::Clamped;  // of refined textures
 };
 
 struct Inference {
@@ -21,10 +23,12 @@ struct Inference {
     Tensor verts, texture, image, mask;
 
     // meshNet: as declared by addMeshNetParameters(); textureNet sees which side faces the camera.
-    // Both are allocated and outlive this.
+    // refineNet, where there is one, refines its textures for the side that is seen. All are
+    // allocated and outlive this.
     Inference(Device& device, const BodyModel& body, const std::array<float, 10>& betas,
               const Parameters& meshNet, const TextureUnet& textureNet,
-              const InferenceConfig& config, const CompileOptions& options = {});
+              const InferenceConfig& config, const CompileOptions& options = {},
+              const TextureUnet* refineNet = nullptr);
 };
 
 }  // namespace doppel

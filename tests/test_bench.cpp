@@ -54,7 +54,8 @@ std::set<std::string> caseNames() {
 TEST(Bench, HasStepsInferenceAndCeilings) {
     std::set<std::string> names = caseNames();
     for (const char* name :
-         {"mesh_step", "texture_step", "gan_step", "inference", "ceiling_fma", "ceiling_copy"})
+         {"mesh_step", "texture_step", "gan_step", "inference", "inference_refined", "ceiling_fma",
+          "ceiling_copy"})
         EXPECT_TRUE(names.contains(name)) << name;
 }
 

@@ -73,6 +73,9 @@ TEST(GraphReplay, TwoInFlightSeeTheirOwnInputs) {
         if (i >= 3) {
             std::vector<float> expected{i, -i / 2, 2 * i, 1};
             EXPECT_EQ(graph.read<float>(y), expected);
+            float before = i - 1;
+            expected = {before, -before / 2, 2 * before, 1};
+            EXPECT_EQ(graph.read<float>(y, 1), expected) << "of the replay before";
         }
     }
 }

@@ -111,9 +111,9 @@ void Checkpoint::save(int64_t stepsDone) {
     last_ = std::chrono::steady_clock::now();
 }
 
-void Checkpoint::saveIfDue(int64_t stepsDone, double seconds) {
+bool Checkpoint::due(double seconds) const {
     std::chrono::duration<double> age = std::chrono::steady_clock::now() - last_;
-    if (seconds > 0 && age.count() >= seconds) save(stepsDone);
+    return seconds > 0 && age.count() >= seconds;
 }
 
 void Checkpoint::remove() {

@@ -31,8 +31,8 @@ public:
     int64_t restore();
     // Appears whole or not at all.
     void save(int64_t stepsDone);
-    // When the last one is older than so many seconds; never for 0.
-    void saveIfDue(int64_t stepsDone, double seconds);
+    // Whether the last one is older than so many seconds; never for 0.
+    bool due(double seconds) const;
     // The stage is done.
     void remove();
 

@@ -175,8 +175,8 @@ std::map<std::string, std::string> stageIdentity(const Avatar& avatar, const std
     return identity;
 }
 
-double readLoss(Graph& graph, const Tensor& loss, const char* stage, int64_t step) {
-    double value = static_cast<double>(graph.readScalar(loss));
+double readLoss(Graph& graph, const Tensor& loss, const char* stage, int64_t step, int back) {
+    double value = static_cast<double>(graph.readScalar(loss, back));
     if (!std::isfinite(value))
         throwMachine("stage {}: a loss became {} at step {}; a lower learning rate may help", stage,
                      value, step + 1);

@@ -80,8 +80,9 @@ StepParams stepParams(int64_t i, uint64_t seed, double rate, const AdamWOptions&
 // Sizes and numbers of a stage, for checkpoints of it: the body's, and the preset's.
 std::map<std::string, std::string> stageIdentity(const Avatar& avatar, const std::string& stage);
 
-// An output of one number. MachineError naming stage and step where it is not finite.
-double readLoss(Graph& graph, const Tensor& loss, const char* stage, int64_t step);
+// An output of one number, of the newest replay or of the one before (back = 1). MachineError naming
+// stage and step where it is not finite.
+double readLoss(Graph& graph, const Tensor& loss, const char* stage, int64_t step, int back = 0);
 
 // Memory before the first step, and time per op, on stdout.
 void printPlan(const char* stage, const Graph& graph, const Parameters& parameters);

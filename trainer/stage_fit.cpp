@@ -1,6 +1,7 @@
 #include "trainer/stage_fit.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 
@@ -54,9 +55,9 @@ bool isVideo(const Capture& capture) {
 
 // Everything of one gradient step on one frame.
 struct FitStep {
+    Parameters corrections, shape;  // outlive what the graph has under way
     Graph graph;
     Tensor camera, target, keypoints, iouLoss, loss;
-    Parameters corrections, shape;
 
     FitStep(Device& device, const BodyModel& body, const Capture& capture,
             const FitSettings& settings, int keypointCount)
@@ -209,6 +210,7 @@ FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
     int64_t steps = int64_t{preset.passes} * static_cast<int64_t>(fitted.size());
     std::vector<uint32_t> visits(fitted.size());
     size_t frame = 0;
+    std::array<size_t, 2> frameOfStep{};  // even and odd ones: two are under way at most
     StageLoop loop{.stage = "fit", .steps = steps, .columns = {"loss", "iou_loss"}};
     loop.identity = {{"frames", fmt::format("{}", fitted.size())}};
     loop.trained = {{"corrections", &step.corrections}, {"shape", &step.shape}};
@@ -216,7 +218,8 @@ FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
         frame = sampler.next();
         ++visits[frame];
     };
-    loop.step = [&](int64_t i) {
+    loop.submit = [&](int64_t i) {
+        frameOfStep[static_cast<size_t>(i % 2)] = frame;
         double rate = scheduledRate(preset.lrTheta, preset.constantPart, i, steps);
         StepParams params = adamwStepParams(visits[frame], static_cast<float>(rate), kAdam);
         params.frame = static_cast<uint32_t>(frame);
@@ -232,12 +235,14 @@ FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
         if (keypointCount > 0)
             step.graph.write(step.keypoints, jointTargets(*capture.keypoints, frame,
                                                           frames.box(frame), preset.size));
-        step.graph.run();
-        double loss = static_cast<double>(step.graph.readScalar(step.loss));
-        double iouLoss = static_cast<double>(step.graph.readScalar(step.iouLoss));
+        step.graph.submit();
+    };
+    loop.report = [&](int64_t i, int back) {
+        double loss = static_cast<double>(step.graph.readScalar(step.loss, back));
+        double iouLoss = static_cast<double>(step.graph.readScalar(step.iouLoss, back));
         if (!std::isfinite(loss))
             throwMachine("fit: the loss became {} at step {} (frame {})", loss, i + 1,
-                         fitted.frames[frame].name);
+                         fitted.frames[frameOfStep[static_cast<size_t>(i % 2)]].name);
         return StageLoop::Report{{{"loss", loss}, {"iou", 1 - iouLoss}}, {loss, iouLoss}};
     };
     loop.run(settings.loop);

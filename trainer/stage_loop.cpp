@@ -28,25 +28,39 @@ bool StageLoop::run(const LoopSettings& settings) {
     std::optional<LossLog> log;
     if (settings.keeps()) log.emplace(settings.out / "log", stage, columns, first);
     PictureClock pictures(settings.keeps() ? settings.pictureSeconds : 0);
+    // Reported: all steps before this one. One more at most is under way.
+    int64_t reported = first;
+    auto reportUntil = [&](int64_t end, int64_t submitted) {
+        for (; reported < end; ++reported) {
+            Report given = report(reported, static_cast<int>(submitted - 1 - reported));
+            progress.update(reported + 1, given.shown);
+            if (log) log->add(reported, given.logged);
+            if (settings.afterStep) settings.afterStep(stage, reported + 1);
+        }
+    };
     for (int64_t i = first; i < steps; ++i) {
         draw();
-        Report report = step(i);
-        progress.update(i + 1, report.shown);
+        submit(i);
+        reportUntil(i, i + 1);  // the step before, while the device works on this one
         if (profiles) {
             if (i + 1 < settings.profileSteps) continue;
+            reportUntil(i + 1, i + 1);
             profile();
             return false;
         }
-        if (log) log->add(i, report.logged);
-        if (picture && pictures.due()) picture();
-        if (settings.afterStep) settings.afterStep(stage, i + 1);
+        // What is kept or shown is the state after step i, whose losses must be finite.
+        bool draws = picture && pictures.due();
+        bool saves = settings.keeps() && checkpoint.due(settings.checkpointSeconds);
+        if (!draws && !saves && !interrupted() && i + 1 < steps) continue;
+        reportUntil(i + 1, i + 1);
+        if (draws) picture();
         if (interrupted()) {
             if (!settings.keeps()) throw Interrupted{};
             checkpoint.save(i + 1);
             throw Interrupted{fmt::format("checkpoint {}, from which the same command goes on",
                                           checkpoint.path().string())};
         }
-        if (settings.keeps()) checkpoint.saveIfDue(i + 1, settings.checkpointSeconds);
+        if (saves) checkpoint.save(i + 1);
     }
     return !profiles;
 }

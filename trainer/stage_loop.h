@@ -34,7 +34,11 @@ struct LoopSettings {
 //     StageLoop loop{.stage = "mesh", .steps = steps, .columns = {"loss", "iou_loss"}};
 //     loop.trained = {{"net", &net}};
 //     loop.draw = [&] { drawn = ...sampler.next()...; };
-//     loop.step = [&](int64_t i) { ...; return StageLoop::Report{{{"loss", loss}}, {loss, iou}}; };
+//     loop.submit = [&](int64_t i) { graph.write(...); graph.setStep(...); graph.submit(); };
+//     loop.report = [&](int64_t i, int back) {
+//         double loss = readLoss(graph, lossTensor, "mesh", i, back);
+//         return StageLoop::Report{{{"loss", loss}}, {loss, iou}};
+//     };
 //     if (!loop.run(settings)) return;   // profiled
 //     avatar.meshNet = readWeights(net);
 struct StageLoop {
@@ -51,9 +55,15 @@ struct StageLoop {
     // Takes from samplers what the next step uses. A resumed run calls it for the steps that were
     // done before, so that samplers stand where they stood.
     std::function<void()> draw = {};
-    std::function<Report(int64_t step)> step = {};  // steps count from 0
-    std::function<void()> picture = {};             // draws the present state; may be empty
-    std::function<void()> profile = {};             // prints the time per op of the last step
+    // Starts a step; steps count from 0.
+    std::function<void(int64_t step)> submit = {};
+    // Waits for a step that was started and says what it gave. While it is asked about a step, the
+    // next one may have been started already (back = 1), so that the device never waits for us;
+    // before anything is kept the newest one is asked about (back = 0). Throws MachineError where a
+    // loss is not finite.
+    std::function<Report(int64_t step, int back)> report = {};
+    std::function<void()> picture = {};  // draws the present state; may be empty
+    std::function<void()> profile = {};  // prints the time per op of the last step
 
     // True once all steps are done; false after profiling. The checkpoint of a finished stage stays
     // until the caller has written the stage's result (removeTrainingState, or Checkpoint::remove).

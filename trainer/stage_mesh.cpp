@@ -59,7 +59,7 @@ void trainMesh(Device& device, Avatar& avatar, const Capture& capture,
     loop.draw = [&] {
         for (size_t& frame : drawn) frame = sampler.next();
     };
-    loop.step = [&](int64_t i) {
+    loop.submit = [&](int64_t i) {
         for (size_t k = 0; k < drawn.size(); ++k) {
             const MeshStep::Sample& sample = step.samples[k];
             size_t frame = drawn[k];
@@ -75,11 +75,12 @@ void trainMesh(Device& device, Avatar& avatar, const Capture& capture,
                        adamwOptions(preset.beta1, preset.beta2, preset.weightDecay)));
         step.graph.submit();
         frames.prepare(sampler.peek(drawn.size()));  // meanwhile
-        double loss = readLoss(step.graph, step.loss, "mesh", i);
-        double iou = readLoss(step.graph, step.iouLoss, "mesh", i);
+    };
+    loop.report = [&](int64_t i, int back) {
+        auto read = [&](const Tensor& loss) { return readLoss(step.graph, loss, "mesh", i, back); };
+        double loss = read(step.loss), iou = read(step.iouLoss);
         return StageLoop::Report{{{"loss", loss}, {"iou", 1 - iou}},
-                                 {loss, iou, readLoss(step.graph, step.laplacian, "mesh", i),
-                                  readLoss(step.graph, step.normal, "mesh", i)}};
+                                 {loss, iou, read(step.laplacian), read(step.normal)}};
     };
     loop.picture = [&] {
         avatar.meshNet = readWeights(net);

@@ -97,7 +97,7 @@ void trainRefine(Device& device, Avatar& avatar, const Capture& capture,
     loop.draw = [&] {
         for (size_t& frame : drawn) frame = sampler.next();
     };
-    loop.step = [&](int64_t i) {
+    loop.submit = [&](int64_t i) {
         std::vector<float> centres;
         for (size_t k = 0; k < drawn.size(); ++k) {
             const RefineStep::Sample& sample = step.samples[k];
@@ -114,9 +114,11 @@ void trainRefine(Device& device, Avatar& avatar, const Capture& capture,
                                       config.generatorOptimiser));
         step.graph.submit();
         frames.prepare(sampler.peek(drawn.size()));  // meanwhile
+    };
+    loop.report = [&](int64_t i, int back) {
         StageLoop::Report report;
         for (const Tensor& loss : losses)
-            report.logged.push_back(readLoss(step.graph, loss, "refine", i));
+            report.logged.push_back(readLoss(step.graph, loss, "refine", i, back));
         for (size_t c = 1; c < losses.size(); ++c)
             if (c == 1 || loop.columns[c].starts_with("gan_"))
                 report.shown.emplace_back(loop.columns[c], report.logged[c]);

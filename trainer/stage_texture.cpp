@@ -58,7 +58,7 @@ void trainTexture(Device& device, Avatar& avatar, const Capture& capture,
     loop.draw = [&] {
         for (size_t& frame : drawn) frame = sampler.next();
     };
-    loop.step = [&](int64_t i) {
+    loop.submit = [&](int64_t i) {
         for (size_t k = 0; k < drawn.size(); ++k) {
             const TextureStep::Sample& sample = step.samples[k];
             size_t frame = drawn[k];
@@ -72,7 +72,9 @@ void trainTexture(Device& device, Avatar& avatar, const Capture& capture,
                        adamwOptions(preset.beta1, preset.beta2, preset.weightDecay)));
         step.graph.submit();
         frames.prepare(sampler.peek(drawn.size()));  // meanwhile
-        double loss = readLoss(step.graph, step.loss, "texture", i);
+    };
+    loop.report = [&](int64_t i, int back) {
+        double loss = readLoss(step.graph, step.loss, "texture", i, back);
         return StageLoop::Report{{{"loss", loss}}, {loss}};
     };
     auto paint = [&] {

@@ -1,5 +1,7 @@
 // Training steps and inference at the preset paper's sizes, on a synthetic person: every stage's
 // whole graph, as training replays it.
+#include <optional>
+
 #include "nn/inference.h"
 #include "nn/refine.h"
 #include "nn/tools/bench.h"
@@ -98,10 +100,12 @@ Recording ganStep(const BodyModel& body, int batch) {
     return {owner, &graph};
 }
 
-Recording inference(const BodyModel& body) {
+// refined: with the network of stage 3.
+Recording inference(const BodyModel& body, bool refined) {
     struct Owner {
         Parameters meshNet;
         TextureUnet textureNet{{}, "texture", 1};
+        std::optional<TextureUnet> refineNet;
         std::unique_ptr<Inference> inference;
     };
     auto owner = std::make_shared<Owner>();
@@ -109,9 +113,13 @@ Recording inference(const BodyModel& body) {
     addMeshNetParameters(owner->meshNet, config.net, 1);
     owner->meshNet.allocate(device());
     owner->textureNet.allocate(device());
-    owner->inference =
-        std::make_unique<Inference>(device(), body, noBetas(), owner->meshNet, owner->textureNet,
-                                    config, CompileOptions{.timestamps = true});
+    if (refined) {
+        owner->refineNet.emplace(refineUnetConfig({}), "refine", 1);
+        owner->refineNet->allocate(device());
+    }
+    owner->inference = std::make_unique<Inference>(
+        device(), body, noBetas(), owner->meshNet, owner->textureNet, config,
+        CompileOptions{.timestamps = true}, refined ? &*owner->refineNet : nullptr);
     Graph& graph = owner->inference->graph;
     graph.write(owner->inference->theta, standingTheta());
     graph.write(owner->inference->trans, standingTrans());
@@ -123,7 +131,8 @@ void addSteps() {
     add("mesh_step", [] { return meshStep(defaultBody(), 1); });
     add("texture_step", [] { return textureStep(defaultBody(), 1); });
     add("gan_step", [] { return ganStep(defaultBody(), 1); });
-    add("inference", [] { return inference(defaultBody()); });
+    add("inference", [] { return inference(defaultBody(), false); });
+    add("inference_refined", [] { return inference(defaultBody(), true); });
 }
 
 }  // namespace doppel::bench
