@@ -26,7 +26,8 @@ constexpr int64_t kColumnsElements = int64_t{1} << 20;
 // side of a product: of windows for weight · columns, of rows for maps · columns^T (see
 // conv/columns.glsl).
 Tensor gatherColumns(Graph& graph, const Windows& w, const Tensor& image, int64_t firstImage,
-                     int64_t images, int64_t firstWindow, int64_t windows, bool windowPanels) {
+                     int64_t images, int64_t firstWindow, int64_t windows, bool windowPanels,
+                     bool turned = false) {
     int64_t across = windowPanels ? images * windows : w.rows();
     int64_t along = windowPanels ? w.rows() : images * windows;
     int64_t width = gemmPanelWidth(graph.device(), across);
@@ -44,7 +45,11 @@ Tensor gatherColumns(Graph& graph, const Windows& w, const Tensor& image, int64_
     bool pairs = w.kernelH == 4 && w.kernelW == 4 && w.stride == 2 && w.padding == 1 &&
                  w.width % 2 == 0 && w.outWidth % 2 == 0;
     Specialisation spec;
-    if (!pairs) spec = w.specialisation();
+    CHECK(!pairs || !turned, "kernels are turned where the stride is 1");
+    if (!pairs) {
+        spec = w.specialisation();
+        spec["kTurned"] = turned;
+    }
     Groups groups = planes(pairs ? windows / 2 : windows, w.channels, images, spec);
     spec["kWidth"] = u32(width);
     spec["kWindowPanels"] = windowPanels;
@@ -80,9 +85,137 @@ void reorderMaps(Graph& graph, const char* kernel, const Windows& w, const Tenso
     graph.dispatch(kernel, {{"maps", maps}, {"joined", joined}}, params, params.elements);
 }
 
+// ---- one feature, stride 1 ----------------------------------------------------------------------
+// What a window sees of many channels is many times its one result. So the roles are exchanged:
+// each place of the kernel is multiplied with all pixels, [kernel, channels] [channels, pixels], and
+// a window sums what lies at its places; for the gradients, columns are made of the one map. Turned,
+// a kernel over the image is one over the map.
+
+bool hasOneFeature(const Windows& w) {
+    return w.features == 1 && w.stride == 1 && w.channels >= 8 && w.kernelH == w.kernelW &&
+           w.padding < w.kernelH && w.kernelH * w.kernelW * w.pixels() <= kColumnsElements;
+}
+
+// Windows of the turned kernel over the map: one per pixel of the image.
+Windows turnedWindows(const Windows& w) {
+    Windows t = w;
+    std::swap(t.channels, t.features);
+    std::swap(t.height, t.outHeight);
+    std::swap(t.width, t.outWidth);
+    t.padding = w.kernelH - 1 - w.padding;
+    return t;
+}
+
+void oneFeatureMaps(Graph& graph, const Windows& w, const Tensor& image, const Tensor& weight,
+                    const Tensor& bias, const Tensor& maps) {
+    Windows t = turnedWindows(w);
+    int64_t kernel = w.kernelH * w.kernelW;
+    for (int64_t n = 0; n < w.images; ++n) {
+        Tensor products = graph.temporary({kernel, w.pixels()});
+        gemm(graph, weight, image, products,
+             {.m = kernel,
+              .n = w.pixels(),
+              .k = w.channels,
+              .transA = true,
+              .startB = n * w.channels * w.pixels()});
+        ImageParams params{.channels = 1,
+                           .height = u32(t.height),
+                           .width = u32(t.width),
+                           .outHeight = u32(t.outHeight),
+                           .outWidth = u32(t.outWidth),
+                           .images = 1,
+                           .startImage = u32(n * w.windows()),
+                           .strideImage = u32(w.windows()),
+                           .padding = u32(t.padding),
+                           .firstChannel = 0,
+                           .byWidth = divisorOf(uint64_t(t.width))};
+        Specialisation spec = w.specialisation();
+        Groups groups = planes(w.windows(), 1, 1, spec);
+        spec["kBias"] = bias ? 1 : 0;
+        spec["kTurned"] = 1;
+        graph.dispatchGroups(
+            "conv/image.sum",
+            {{"columns", products}, {"image", maps}, {"bias", bias ? bias : graph.none()}}, params,
+            groups, spec);
+    }
+}
+
+void oneFeatureImage(Graph& graph, const Windows& w, const Tensor& maps, const Tensor& weight,
+                     const Tensor& bias, const Tensor& image) {
+    Windows t = turnedWindows(w);
+    for (int64_t n = 0; n < w.images; ++n) {
+        Tensor columns = gatherColumns(graph, t, maps, n, 1, 0, t.windows(), true, true);
+        gemm(graph, weight, columns, image,
+             {.m = w.channels,
+              .n = w.pixels(),
+              .k = w.kernelH * w.kernelW,
+              .panelsB = true,
+              .startC = n * w.channels * w.pixels(),
+              .bias = bias,
+              .biasPerRow = true});
+    }
+}
+
+void oneFeatureWeights(Graph& graph, const Windows& w, const Tensor& image, const Tensor& maps,
+                       const Tensor& dweight) {
+    Windows t = turnedWindows(w);
+    for (int64_t n = 0; n < w.images; ++n) {
+        Tensor columns = gatherColumns(graph, t, maps, n, 1, 0, t.windows(), false, true);
+        gemm(graph, image, columns, dweight,
+             {.m = w.channels,
+              .n = w.kernelH * w.kernelW,
+              .k = w.pixels(),
+              .panelsB = true,
+              .accumulate = n > 0,
+              .startA = n * w.channels * w.pixels()});
+    }
+}
+
+// ---- few channels, 4x4, stride 2 ---------------------------------------------------------------
+
+// Channels that a workgroup of conv/few_channels.comp makes at once: 0 where that is not the way.
+int64_t fewChannelsAtOnce(Graph& graph, const Windows& w) {
+    constexpr int64_t kMost = 12;
+    bool fits = vectorLanes(graph.device()) > 0 && w.kernelH == 4 && w.kernelW == 4 &&
+                w.stride == 2 && w.padding == 1 && w.outWidth % 2 == 0 &&
+                w.height == 2 * w.outHeight && w.width == 2 * w.outWidth && w.channels < 16 &&
+                w.windows() >= kWindowsEnough;
+    if (!fits) return 0;
+    int64_t atOnce = kMost;
+    while (w.channels % atOnce != 0) --atOnce;
+    return atOnce;
+}
+
+void fewChannelsSum(Graph& graph, const Windows& w, const Tensor& maps, const Tensor& weight,
+                    const Tensor& bias, const Tensor& image) {
+    int64_t atOnce = fewChannelsAtOnce(graph, w), lanes = vectorLanes(graph.device());
+    FewChannelsParams params{.channels = u32(w.channels),
+                             .features = u32(w.features),
+                             .outHeight = u32(w.outHeight),
+                             .outWidth = u32(w.outWidth),
+                             .byPairs = divisorOf(uint64_t(w.outWidth / 2))};
+    int64_t rows = w.outHeight % 2 == 0 ? 2 : 1;  // two share what they read
+    Groups groups{u32((w.windows() / (2 * rows) + lanes - 1) / lanes), u32(w.channels / atOnce),
+                  u32(w.images)};
+    graph.dispatchGroups("conv/few_channels.sum",
+                         {{"maps", maps},
+                          {"weights", weight},
+                          {"image", image},
+                          {"bias", bias ? bias : graph.none()}},
+                         params, groups,
+                         {{"local_size", u32(lanes)},
+                          {"kLanes", u32(lanes)},
+                          {"kChannels", u32(atOnce)},
+                          {"kRows", u32(rows)},
+                          {"kBias", bias ? 1 : 0}});
+}
+
+// ---- any layer ----------------------------------------------------------------------------------
+
 // maps[images, features, windows] = weight columns(image) (+ bias per feature)
 void gatherProduct(Graph& graph, const Windows& w, const Tensor& image, const Tensor& weight,
                    const Tensor& bias, const Tensor& maps) {
+    if (hasOneFeature(w)) return oneFeatureMaps(graph, w, image, weight, bias, maps);
     if (winogradPays(w)) return winogradGather(graph, w, image, weight, bias, maps);
     int64_t atOnce = imagesAtOnce(w), part = windowsAtOnce(w);
     Gemm product{.m = w.features, .k = w.rows(), .panelsB = true, .bias = bias, .biasPerRow = true};
@@ -110,6 +243,7 @@ void gatherProduct(Graph& graph, const Windows& w, const Tensor& image, const Te
 // dweight[features, rows] = sum over images and windows of maps columns(image)^T
 void weightProduct(Graph& graph, const Windows& w, const Tensor& image, const Tensor& maps,
                    const Tensor& dweight) {
+    if (hasOneFeature(w)) return oneFeatureWeights(graph, w, image, maps, dweight);
     if (winogradPays(w)) return winogradWeights(graph, w, image, maps, dweight);
     int64_t atOnce = imagesAtOnce(w), part = windowsAtOnce(w);
     Gemm product{.m = w.features, .n = w.rows(), .panelsB = true};
@@ -139,7 +273,10 @@ void weightProduct(Graph& graph, const Windows& w, const Tensor& image, const Te
 // image = sum over the windows that see a pixel of weight^T maps (+ bias per channel)
 void sumProduct(Graph& graph, const Windows& w, const Tensor& maps, const Tensor& weight,
                 const Tensor& bias, const Tensor& image) {
+    if (hasOneFeature(w)) return oneFeatureImage(graph, w, maps, weight, bias, image);
     if (winogradPays(w)) return winogradSum(graph, w, maps, weight, bias, image);
+    if (fewChannelsAtOnce(graph, w) > 0)
+        return fewChannelsSum(graph, w, maps, weight, bias, image);
     int64_t atOnce = imagesAtOnce(w), kernel = w.kernelH * w.kernelW;
     int64_t part = std::clamp<int64_t>(kColumnsElements / (kernel * w.windows()), 1, w.channels);
     if (atOnce > 1) part = w.channels;

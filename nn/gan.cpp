@@ -2,12 +2,11 @@
 
 #include "gan/params.h"
 #include "nn/op.h"
+#include "nn/windows.h"
 
 namespace doppel {
 
 namespace {
-
-uint32_t u32(int64_t value) { return static_cast<uint32_t>(value); }
 
 constexpr uint32_t kPartials = 1024;
 
@@ -54,13 +53,17 @@ Tensor cropWindow(Graph& graph, const Tensor& x, const Tensor& centres, int64_t 
                             u32(size)};
     Tensor y = graph.temporary({x.dim(0), x.dim(1), size, size});
     graph.beginOp("crop_window");
-    graph.dispatch("gan/crop_window.forward", {{"x", x}, {"centres", centres}, {"y", y}}, params,
-                   static_cast<uint64_t>(y.elements()));
+    Specialisation forward;
+    Groups groups = planes(size, size, params.planes, forward);
+    graph.dispatchGroups("gan/crop_window.forward", {{"x", x}, {"centres", centres}, {"y", y}},
+                         params, groups, forward);
     graph.differentiate({x}, {y}, [=, &graph] {
-        graph.dispatch(
+        Specialisation backward;
+        Groups whole = planes(x.dim(3), x.dim(2), params.planes, backward);
+        graph.dispatchGroups(
             "gan/crop_window.backward",
             {{"centres", centres}, {"dy", graph.gradient(y)}, {"dx", graph.gradientTarget(x)}},
-            params, static_cast<uint64_t>(x.elements()));
+            params, whole, backward);
     });
     return y;
 }
@@ -76,10 +79,12 @@ Tensor misalignedRegion(Graph& graph, const Tensor& rendered, const Tensor& real
                                   u32(faceSize), oneSided ? 1u : 0u};
     Tensor region = graph.temporary(rendered.shape);
     graph.beginOp("misaligned_region");
-    graph.dispatch(
+    Specialisation spec;
+    Groups groups = planes(params.width, params.height, 1, spec);
+    graph.dispatchGroups(
         "gan/misaligned_region.forward",
         {{"rendered", rendered}, {"real", real}, {"centres", centres}, {"region", region}}, params,
-        static_cast<uint64_t>(region.elements()));
+        groups, spec);
     return region;
 }
 
@@ -96,25 +101,28 @@ Tensor planar(Graph& graph, const std::vector<Tensor>& images, const std::vector
     CHECK(images.size() == 1 || elementCount(shape) % 4 == 0,
           "pictures of a batch start at multiples of 16 bytes, not {}", toString(shape));
     PlanarParams params{u32(shape[2]), u32(shape[0] * shape[1])};
-    auto elements = static_cast<uint64_t>(elementCount(shape));
+    bool pairs = params.channels == 3 && params.pixels % 2 == 0;
+    uint64_t invocations = pairs ? params.pixels / 2 : params.pixels;
     Specialisation spec{{"kMasked", masks.empty() ? 0u : 1u}};
     Tensor y = graph.temporary({static_cast<int64_t>(images.size()), shape[2], shape[0], shape[1]});
     auto maskOf = [=, &graph](size_t n) { return masks.empty() ? graph.none() : masks[n]; };
     graph.beginOp("planar");
     for (size_t n = 0; n < images.size(); ++n)
-        graph.dispatch(
-            "gan/planar.forward",
-            {{"image", images[n]}, {"mask", maskOf(n)}, {"y", y.slice(static_cast<int64_t>(n), 1)}},
-            params, elements, spec);
+        graph.dispatch(pairs ? "gan/planar.forward_pairs" : "gan/planar.forward",
+                       {{pairs ? "images" : "image", images[n]},
+                        {pairs ? "masks" : "mask", maskOf(n)},
+                        {pairs ? "ys" : "y", y.slice(static_cast<int64_t>(n), 1)}},
+                       params, invocations, spec);
     graph.differentiate(images, {y}, [=, &graph] {
         Tensor dy = graph.gradient(y);
         for (size_t n = 0; n < images.size(); ++n)
             if (graph.wantsGradient(images[n]))
-                graph.dispatch("gan/planar.backward",
-                               {{"mask", maskOf(n)},
-                                {"dy", dy.slice(static_cast<int64_t>(n), 1)},
-                                {"dImage", graph.gradientTarget(images[n])}},
-                               params, elements, spec);
+                graph.dispatch(
+                    pairs ? "gan/planar.backward_pairs" : "gan/planar.backward",
+                    {{pairs ? "masks" : "mask", maskOf(n)},
+                     {pairs ? "dys" : "dy", dy.slice(static_cast<int64_t>(n), 1)},
+                     {pairs ? "dImages" : "dImage", graph.gradientTarget(images[n])}},
+                    params, invocations, spec);
     });
     return y;
 }

@@ -94,6 +94,10 @@ Tensor pack(Graph& graph, const Source& s, int64_t steps, int64_t stepsInPanel, 
 
 }  // namespace
 
+uint32_t vectorLanes(const Device& device) {
+    return runsOnCpu(device) ? device.info().subgroupSize : 0;
+}
+
 int64_t gemmPanelSteps(int64_t k) { return ceilDiv(k, kGemmUnroll) * kGemmUnroll; }
 
 int64_t gemmPanelRows(const Device& device, int64_t m) {
@@ -249,7 +253,9 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
                             .ldc = u32(shape.ldc ? shape.ldc : g.n),
                             .startC = u32(shape.startC),
                             .strideC = u32(shape.strideC),
-                            .parts = u32(p.parts)};
+                            .parts = u32(p.parts),
+                            .byRows = divisorOf(uint64_t(g.m)),
+                            .byColumns = divisorOf(uint64_t(g.n))};
     graph.dispatch("linalg/gemm_reduce.sum", {{"partial", out}, {"c", c}, {"bias", bias}}, reduce,
                    static_cast<uint64_t>(strideCPart),
                    {{"kAccumulate", g.accumulate}, {"kBias", biasKind}, {"kRelu", g.relu}});

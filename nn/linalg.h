@@ -26,6 +26,10 @@ struct Gemm {
     bool relu = false;  // C = max(0, all of that)
 };
 
+// Lanes of a CPU's vector, where a workgroup of so many is one subgroup and kernels hand out what
+// they load by broadcasts; 0 elsewhere.
+uint32_t vectorLanes(const Device& device);
+
 // How many columns of B a panel has, for a B of n columns; rows of A, for m of them; and steps of
 // k that a panel of A has.
 int64_t gemmPanelWidth(const Device& device, int64_t n);

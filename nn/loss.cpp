@@ -1,5 +1,6 @@
 #include "nn/loss.h"
 
+#include "common/pairs.h"
 #include "loss/params.h"
 #include "nn/op.h"
 #include "nn/raster.h"
@@ -35,7 +36,7 @@ Tensor silhouetteIouLoss(Graph& graph, const Tensor& predicted, const Tensor& ta
                         {"total", total},
                         {"dLoss", graph.gradient(loss)},
                         {"dPredicted", graph.gradientTarget(predicted)}},
-                       params, params.n);
+                       params, pairInvocations(params.n));
     });
     return loss;
 }
@@ -52,23 +53,29 @@ Tensor maskedL1Loss(Graph& graph, const Tensor& predicted, const Tensor& target,
     MaskedL1LossParams params{u32(mask.elements()), u32(predicted.dim(-1)), kPartials};
     Tensor partial = graph.temporary({kPartials, 2}), maskSum = graph.temporary({});
     Tensor loss = graph.temporary({});
+    // Colours are worked on by two pixels at once.
+    bool pairs = params.channels == 3 && params.n % 2 == 0;
+    const char* predictedName = pairs ? "predictedPairs" : "predicted";
+    const char* targetName = pairs ? "targetPairs" : "target";
+    const char* maskName = pairs ? "maskPairs" : "mask";
     graph.beginOp("masked_l1_loss");
     graph.dispatch(
-        "loss/masked_l1_loss.sums",
-        {{"predicted", predicted}, {"target", target}, {"mask", mask}, {"partial", partial}},
+        pairs ? "loss/masked_l1_loss.sums_pairs" : "loss/masked_l1_loss.sums",
+        {{predictedName, predicted}, {targetName, target}, {maskName, mask}, {"partial", partial}},
         params, kPartials);
     graph.dispatchGroups("loss/masked_l1_loss.finish",
                          {{"partial", partial}, {"maskSum", maskSum}, {"loss", loss}}, params,
                          kOneGroup);
     graph.differentiate({predicted}, {loss}, [=, &graph] {
-        graph.dispatch("loss/masked_l1_loss.backward",
-                       {{"predicted", predicted},
-                        {"target", target},
-                        {"mask", mask},
-                        {"maskSum", maskSum},
-                        {"dLoss", graph.gradient(loss)},
-                        {"dPredicted", graph.gradientTarget(predicted)}},
-                       params, static_cast<uint64_t>(predicted.elements()));
+        graph.dispatch(
+            pairs ? "loss/masked_l1_loss.backward_pairs" : "loss/masked_l1_loss.backward",
+            {{predictedName, predicted},
+             {targetName, target},
+             {maskName, mask},
+             {"maskSum", maskSum},
+             {"dLoss", graph.gradient(loss)},
+             {pairs ? "dPredictedPairs" : "dPredicted", graph.gradientTarget(predicted)}},
+            params, pairs ? params.n / 2 : params.n);
     });
     return loss;
 }

@@ -115,6 +115,37 @@ TEST(Conv, Conv2d) {
     for (const Case& c : cases) checkConvolution("conv2d", c, c.weight[0], convReference);
 }
 
+// Layers of one feature exchange the roles of image and map; of other strides and of few channels
+// they do not.
+TEST(Conv, OneFeature) {
+    const Case cases[] = {{{2, 8, 9, 12}, {1, 8, 4, 4}, 1, 1},
+                          {{1, 20, 7, 5}, {1, 20, 3, 3}, 1, 2, false},
+                          {{1, 9, 6, 6}, {1, 9, 1, 1}, 1, 0},
+                          {{1, 9, 8, 6}, {1, 9, 4, 4}, 1, 3},
+                          {{2, 8, 9, 12}, {1, 8, 4, 4}, 2, 1}};
+    for (const Case& c : cases) {
+        checkConvolution("conv2d", c, 1, convReference);
+        Case transposed = c;
+        auto out = [&](int64_t size) { return (size + 2 * c.padding - c.weight[2]) / c.stride + 1; };
+        transposed.x = {c.x[0], 1, out(c.x[2]), out(c.x[3])};
+        checkConvolution("conv_transpose2d", transposed, c.weight[1], transposedReference);
+    }
+}
+
+// Images of few channels under many windows of 4x4 and stride 2, several at once.
+TEST(Conv, FewChannels) {
+    const Case cases[] = {{{1, 3, 32, 36}, {5, 3, 4, 4}, 2, 1},
+                          {{2, 12, 40, 32}, {3, 12, 4, 4}, 2, 1, false},
+                          {{1, 13, 34, 36}, {2, 13, 4, 4}, 2, 1},
+                          {{1, 8, 36, 34}, {2, 8, 4, 4}, 2, 1}};
+    for (const Case& c : cases) {
+        checkConvolution("conv2d", c, c.weight[0], convReference);
+        Case transposed = c;
+        transposed.x = {c.x[0], c.weight[0], c.x[2] / 2, c.x[3] / 2};
+        checkConvolution("conv_transpose2d", transposed, c.weight[1], transposedReference);
+    }
+}
+
 // Large enough for Winograd's way: tiles of one image and of several, in panels that are full and
 // that are not.
 TEST(Conv, Winograd) {
@@ -168,7 +199,7 @@ TEST(Conv, ConvTranspose2d) {
 
 // The columns of this layer do not fit into one piece: 32·16 rows of 128·128 windows.
 TEST(Conv, InPieces) {
-    Case c{{2, 32, 130, 130}, {1, 32, 4, 4}, 1, 1};
+    Case c{{2, 32, 130, 130}, {2, 32, 4, 4}, 1, 1};
     Values in = {{"x", random(c.x, 1)},
                  {"weight", random(c.weight, 2)},
                  {"stride", {{}, {1}}},

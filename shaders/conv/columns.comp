@@ -13,6 +13,7 @@ layout(constant_id = 2) const uint kKernelW = 4;
 layout(constant_id = 3) const uint kStride = 2;
 layout(constant_id = 4) const uint kWidth = 32;
 layout(constant_id = 5) const bool kWindowPanels = true;
+layout(constant_id = 6) const bool kTurned = false;  // rows count the kernel from its last place
 
 // Workgroups: x windows, y channels, z images.
 ENTRY(gather) {
@@ -32,7 +33,9 @@ ENTRY(gather) {
         [[unroll]] for (uint kx = 0; kx < kKernelW; ++kx) {
             bool inside = y + ky < height && x + kx < width;
             float v = image.d[plane + (inside ? (y + ky) * width + x + kx : 0)];
-            uint row = (channel * kKernelH + ky) * kKernelW + kx;
+            uint kernelPlace = ky * kKernelW + kx;
+            if (kTurned) kernelPlace = kKernelH * kKernelW - 1 - kernelPlace;
+            uint row = channel * kKernelH * kKernelW + kernelPlace;
             columns.d[panelIndex(panels, row, place)] = inside ? v : 0;
         }
     }

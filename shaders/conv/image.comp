@@ -12,6 +12,7 @@ layout(constant_id = 1) const uint kKernelH = 4;
 layout(constant_id = 2) const uint kKernelW = 4;
 layout(constant_id = 3) const uint kStride = 2;
 layout(constant_id = 4) const bool kBias = false;
+layout(constant_id = 5) const bool kTurned = false;  // columns count the kernel from its last place
 
 // The transpose of columns.gather: each pixel sums what the windows over it hold for it.
 // Workgroups: x pixels, y channels, z images.
@@ -33,7 +34,9 @@ ENTRY(sum) {
             uint ky = ky0 + j * kStride, kx = kx0 + i * kStride, oy = oy0 - j, ox = ox0 - i;
             bool seen = ky < kKernelH && kx < kKernelW && oy < outHeight && ox < outWidth;
             uint window = first + oy * outWidth + ox;
-            uint at = seen ? (row + ky * kKernelW + kx) * windows + window : 0;
+            uint place = ky * kKernelW + kx;
+            if (kTurned) place = kKernelH * kKernelW - 1 - place;
+            uint at = seen ? (row + place) * windows + window : 0;
             float v = columns.d[at];
             total += seen ? v : 0;
         }

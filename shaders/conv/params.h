@@ -48,6 +48,11 @@ struct WinogradWeightsParams {
     uint channels;          // stride 1
     Divisor byFeatures;     // stride 1
 };
+struct FewChannelsParams {
+    uint channels, features;
+    uint outHeight, outWidth;  // of the maps; outWidth even
+    Divisor byPairs;           // outWidth / 2
+};
 struct BatchNormParams {
     uint images, channels, pixels;  // x[images, channels, pixels]
     uint threads;                   // partial sums per channel

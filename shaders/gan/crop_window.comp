@@ -16,20 +16,26 @@ ivec2 startOf(uint plane) {
                  windowStart(centres.d[2 * n + 1], params.size));
 }
 
+// Workgroups: x columns, y rows, z planes.
+uvec2 pixel() {
+    return uvec2(gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationID.x, gl_WorkGroupID.y);
+}
+
 ENTRY(forward) {
-    uint i = linearIndex(), area = params.size * params.size;
-    if (i >= params.planes * area) return;
-    uint plane = i / area, at = i % area;
-    ivec2 p = startOf(plane) + ivec2(at % params.size, at / params.size);
+    uint plane = gl_WorkGroupID.z;
+    uvec2 at = pixel();
+    if (at.x >= params.size) return;
+    ivec2 p = startOf(plane) + ivec2(at);
     bool inside = p.x >= 0 && p.y >= 0 && p.x < int(params.width) && p.y < int(params.height);
-    y.d[i] = inside ? x.d[(plane * params.height + uint(p.y)) * params.width + uint(p.x)] : 0;
+    y.d[(plane * params.size + at.y) * params.size + at.x] = inside ? x.d[(plane * params.height + uint(p.y)) * params.width + uint(p.x)] : 0;
 }
 
 ENTRY(backward) {
-    uint i = linearIndex(), area = params.width * params.height;
-    if (i >= params.planes * area) return;
-    uint plane = i / area, at = i % area;
-    ivec2 p = ivec2(at % params.width, at / params.width) - startOf(plane);
+    uint plane = gl_WorkGroupID.z;
+    uvec2 at = pixel();
+    if (at.x >= params.width) return;
+    ivec2 p = ivec2(at) - startOf(plane);
     bool inside = p.x >= 0 && p.y >= 0 && p.x < int(params.size) && p.y < int(params.size);
-    dx.d[i] = inside ? dy.d[(plane * params.size + uint(p.y)) * params.size + uint(p.x)] : 0;
+    dx.d[(plane * params.height + at.y) * params.width + at.x] =
+        inside ? dy.d[(plane * params.size + uint(p.y)) * params.size + uint(p.x)] : 0;
 }

@@ -9,12 +9,14 @@ BUFFER(1, readonly, float, real);      // [H,W]
 BUFFER(2, readonly, float, centres);   // [N,2] column, row in pixels
 BUFFER(3, writeonly, float, region);   // [H,W]
 
+// Workgroups: x columns, y rows.
 ENTRY(forward) {
-    uint i = linearIndex();
-    if (i >= params.width * params.height) return;
+    uint column = gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationID.x;
+    uint row = gl_WorkGroupID.y, i = row * params.width + column;
+    if (column >= params.width) return;
     ivec2 start = ivec2(windowStart(centres.d[2 * params.row], params.faceSize),
                         windowStart(centres.d[2 * params.row + 1], params.faceSize));
-    ivec2 p = ivec2(i % params.width, i / params.width) - start;
+    ivec2 p = ivec2(column, row) - start;
     int size = int(params.faceSize);
     bool face = p.x >= 0 && p.y >= 0 && p.x < size && p.y < size;
     float a = rendered.d[i], b = real.d[i];

@@ -15,7 +15,8 @@ layout(constant_id = 3) const bool kRelu = false;
 ENTRY(sum) {
     uint i = linearIndex();
     if (i >= params.elements) return;
-    uint matrix = i / (params.m * params.n), row = i / params.n % params.m, column = i % params.n;
+    uint rows = quotient(i, params.byColumns), column = remainder(i, rows, params.byColumns);
+    uint matrix = quotient(rows, params.byRows), row = remainder(rows, matrix, params.byRows);
     uint at = params.startC + matrix * params.strideC + row * params.ldc + column;
     float total = 0;
     for (uint p = 0; p < params.parts; ++p) total += partial.d[p * params.elements + i];

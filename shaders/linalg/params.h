@@ -1,5 +1,6 @@
 #ifndef LINALG_PARAMS_H
 #define LINALG_PARAMS_H
+#include "common/divide.h"
 #include "common/shared.h"
 SHARED_BEGIN
 #ifdef __cplusplus
@@ -24,6 +25,7 @@ struct GemmReduceParams {
     uint m, n;
     uint ldc, startC, strideC;
     uint parts;  // [parts, batch, m, n] are summed in order
+    Divisor byRows, byColumns;
 };
 struct PanelsParams {
     uint count, steps;       // rows of A or columns of B, and k

@@ -1,27 +1,36 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
+#include "common/pairs.glsl"
 #include "loss/params.h"
 #include "loss/reduce.glsl"
 // 1 - sum p g / sum (p + g - p g)
 PARAMS(SilhouetteIouLossParams, 7)
-BUFFER(0, readonly, float, predicted);    // [n]
-BUFFER(1, readonly, float, target);       // [n]
-BUFFER(2, readwrite, vec2, partial);      // [partials] intersection, union
-BUFFER(3, readwrite, vec2, total);        // [1]
-BUFFER(4, writeonly, float, loss);        // [1]
-BUFFER(5, readonly, float, dLoss);        // [1]
-BUFFER(6, writeonly, float, dPredicted);  // [n]
+BUFFER(0, readonly, uint64_t, predicted);    // [n], in pairs
+BUFFER(1, readonly, uint64_t, target);       // [n], in pairs
+BUFFER(2, readwrite, vec2, partial);         // [partials] intersection, union
+BUFFER(3, readwrite, vec2, total);           // [1]
+BUFFER(4, writeonly, float, loss);           // [1]
+BUFFER(5, readonly, float, dLoss);           // [1]
+BUFFER(6, writeonly, uint64_t, dPredicted);  // [n], in pairs
+
+const uint kEach = 4;  // pairs in the body of a loop
 
 ENTRY(sums) {
-    uint k = linearIndex();
-    if (k >= params.partials) return;
-    vec2 sum = vec2(0);
-    for (uint i = k; i < params.n; i += params.partials) {
-        float p = predicted.d[i], g = target.d[i];
-        sum += vec2(p * g, p + g - p * g);
+    uint k = linearIndex(), count = (params.n + 1) / 2, stride = params.partials;
+    if (k >= stride) return;
+    vec2 both = vec2(0), either = vec2(0);
+    for (uint first = k; first < count; first += kEach * stride) {
+        [[unroll]] for (uint e = 0; e < kEach; ++e) {
+            uint at = first + e * stride, i = min(at, count - 1);
+            vec2 p = unpackPair(predicted.d[i]), g = unpackPair(target.d[i]);
+            // Behind an odd number's last pixel there may be anything.
+            bvec2 inside = bvec2(at < count, at < count && 2 * i + 1 < params.n);
+            both += mix(vec2(0), p * g, inside);
+            either += mix(vec2(0), p + g - p * g, inside);
+        }
     }
-    partial.d[k] = sum;
+    partial.d[k] = vec2(both.x + both.y, either.x + either.y);
 }
 
 ENTRY(finish) {
@@ -35,10 +44,11 @@ ENTRY(finish) {
 }
 
 ENTRY(backward) {
-    uint i = linearIndex();
-    if (i >= params.n) return;
     vec2 sum = total.d[0];
-    float g = target.d[i];
-    float d = sum.y == 0 ? 0 : (sum.x / sum.y * (1 - g) - g) / sum.y;
-    dPredicted.d[i] = dLoss.d[0] * d;
+    float scale = sum.y == 0 ? 0 : dLoss.d[0] / sum.y, ratio = sum.y == 0 ? 0 : sum.x / sum.y;
+    uint n = params.n;
+    EACH_PAIR(i, n) {
+        vec2 g = unpackPair(target.d[i]);
+        dPredicted.d[i] = packPair(scale * (ratio * (1 - g) - g));
+    }
 }
