@@ -10,7 +10,9 @@
 namespace doppel {
 
 Groups planes(int64_t x, int64_t y, int64_t z, Specialisation& spec) {
-    uint32_t size = x <= 8 ? 8 : x <= 16 ? 16 : x <= 32 ? 32 : 64;
+    // Large ones where there is work for them: workgroups cost time of their own on CPUs.
+    uint32_t size = 8;
+    while (size < 256 && size < x) size *= 2;
     spec["local_size"] = size;
     CHECK(y <= 65535 && z <= 65535, "{} channels and {} images fit into one dispatch", y, z);
     return {u32((x + size - 1) / size), u32(y), u32(z)};
@@ -419,8 +421,28 @@ Tensor batchNorm(Graph& graph, const Tensor& x, const Tensor& weight, const Tens
     Groups passes = planes((elements + 3) / 4, C, N, forPasses);
     Tensor y = graph.temporary(x.shape);
     Tensor mean = graph.temporary({C}), deviation = graph.temporary({C});
+    // On CPUs small images go through all passes in one dispatch.
+    constexpr int64_t kSmall = 4096;
+    uint32_t lanes = vectorLanes(graph.device());
+    bool whole = lanes > 0 && N * pixels <= kSmall;
+    Specialisation byChannel{{"local_size", lanes}, {"kLanes", lanes}};
     graph.beginOp(training ? "batch_norm2d" : "batch_norm2d_evaluation");
-    if (training) {
+    if (whole && training) {
+        Specialisation spec = byChannel;
+        spec["kRunning"] = running.mean ? 1 : 0;
+        graph.dispatchGroups(
+            pairs ? "conv/batch_norm_channel_pairs.forward"
+                  : "conv/batch_norm_channel_pixels.forward",
+            {{"x", x},
+             {"y", y},
+             {"mean", mean},
+             {"deviation", deviation},
+             {"weight", weight},
+             {"bias", bias},
+             {"runningMean", running.mean ? running.mean : graph.none()},
+             {"runningVariance", running.mean ? running.variance : graph.none()}},
+            params, {u32(C), 1, 1}, spec);
+    } else if (training) {
         Tensor partial = graph.temporary({C, threads});
         uint32_t update = running.mean ? 1 : 0;
         auto sum = [&](uint32_t centred) {
@@ -450,21 +472,40 @@ Tensor batchNorm(Graph& graph, const Tensor& x, const Tensor& weight, const Tens
                         {"runningVariance", running.variance}},
                        params, uint64_t(C));
     }
-    graph.dispatchGroups(
-        pairs ? "conv/batch_norm_pairs.normalise" : "conv/batch_norm_pixels.normalise",
-        {{"x", x},
-         {"mean", mean},
-         {"deviation", deviation},
-         {"weight", weight},
-         {"bias", bias},
-         {"y", y}},
-        params, passes, forPasses);
+    if (!whole || !training)
+        graph.dispatchGroups(
+            pairs ? "conv/batch_norm_pairs.normalise" : "conv/batch_norm_pixels.normalise",
+            {{"x", x},
+             {"mean", mean},
+             {"deviation", deviation},
+             {"weight", weight},
+             {"bias", bias},
+             {"y", y}},
+            params, passes, forPasses);
     graph.differentiate({x, weight, bias}, {y}, [=, &graph] {
-        Tensor dy = graph.gradient(y), partial = graph.temporary({2, C, threads});
+        Tensor dy = graph.gradient(y);
         auto target = [&](const Tensor& input) {
             return graph.wantsGradient(input) ? graph.gradientTarget(input) : graph.temporary({C});
         };
         Tensor dweight = target(weight), dbias = target(bias);
+        if (whole && graph.wantsGradient(x)) {
+            Specialisation spec = byChannel;
+            spec["kTraining"] = training;
+            graph.dispatchGroups(pairs ? "conv/batch_norm_channel_pairs.backward"
+                                       : "conv/batch_norm_channel_pixels.backward",
+                                 {{"x", x},
+                                  {"dy", dy},
+                                  {"y", graph.gradientTarget(x)},
+                                  {"mean", mean},
+                                  {"deviation", deviation},
+                                  {"weight", weight},
+                                  {"bias", bias},
+                                  {"dweight", dweight},
+                                  {"dbias", dbias}},
+                                 params, {u32(C), 1, 1}, spec);
+            return;
+        }
+        Tensor partial = graph.temporary({2, C, threads});
         graph.dispatchGroups(
             pairs ? "conv/batch_norm_pairs.sum_gradients" : "conv/batch_norm_pixels.sum_gradients",
             {{"x", x},

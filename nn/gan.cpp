@@ -50,7 +50,7 @@ Tensor cropWindow(Graph& graph, const Tensor& x, const Tensor& centres, int64_t 
           toString(centres.shape));
     CHECK(size > 0, "a window has pixels");
     CropWindowParams params{u32(x.dim(0) * x.dim(1)), u32(x.dim(1)), u32(x.dim(3)), u32(x.dim(2)),
-                            u32(size)};
+                            u32(size), divisorOf(uint64_t(x.dim(1)))};
     Tensor y = graph.temporary({x.dim(0), x.dim(1), size, size});
     graph.beginOp("crop_window");
     Specialisation forward;

@@ -7,6 +7,16 @@
 
 namespace doppel {
 
+namespace {
+
+// A workgroup costs a CPU two microseconds before it does anything, so that large dispatches get
+// large ones there; every device has workgroups of so many. What a kernel computes does not depend
+// on it.
+constexpr uint32_t kLargeWorkgroup = 256;
+constexpr uint64_t kLargeDispatch = 64 * kLargeWorkgroup;  // with work left for many cores
+
+}  // namespace
+
 Graph::Graph(Device& device) : device_(device) {}
 
 Graph::~Graph() {
@@ -367,8 +377,11 @@ void Graph::record(int slot, const CompileOptions& options) {
                                   viewOf(step.arguments[1].second));
                 break;
             case Step::What::Dispatch: {
-                const Kernel& kernel = device_.kernel(step.kernel, step.spec);
+                Specialisation spec = step.spec;
                 Groups groups = step.groups;
+                if (groups.x == 0 && step.invocations >= kLargeDispatch && device_.info().cpu)
+                    spec.try_emplace("local_size", kLargeWorkgroup);
+                const Kernel& kernel = device_.kernel(step.kernel, spec);
                 if (groups.x == 0) groups = linearGroups(step.invocations, kernel.localSize());
                 std::vector<BoundBuffer> buffers;
                 for (const auto& [name, tensor] : step.arguments)
@@ -392,7 +405,10 @@ void Graph::writeBytes(const Tensor& tensor, std::span<const std::byte> bytes) {
     CHECK(input != inputs_.end(), "only inputs are written");
     CHECK(bytes.size() == tensor.bytes(), "{} bytes fill an input of shape {}", bytes.size(),
           toString(tensor.shape));
-    std::ranges::copy(bytes, input->value.begin() + static_cast<std::ptrdiff_t>(tensor.offset));
+    // The same as before, a texture of all frames for instance, is not uploaded again.
+    std::byte* value = input->value.data() + tensor.offset;
+    if (bytes.empty() || std::memcmp(value, bytes.data(), bytes.size()) == 0) return;
+    std::ranges::copy(bytes, value);
     ++input->version;
 }
 

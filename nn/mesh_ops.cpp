@@ -42,7 +42,8 @@ Tensor graphPanels(Graph& graph, const Tensor& x, const AdjacencyTensors& adjace
     int64_t rows = gemmPanelRows(graph.device(), vertices);
     Tensor panels = graph.temporary({(vertices + rows - 1) / rows, 2 * H, rows});
     GraphPanelsParams params{static_cast<uint32_t>(vertices), static_cast<uint32_t>(w.inputs),
-                             static_cast<uint32_t>(w.row), static_cast<uint32_t>(H)};
+                             static_cast<uint32_t>(w.row), static_cast<uint32_t>(H),
+                             divisorOf(uint64_t(H))};
     Specialisation spec{{"kRows", static_cast<uint32_t>(rows)}};
     int64_t invocations = vertices * H;
     const char* kernel = "mesh/graph_panels.gather";
@@ -51,6 +52,7 @@ Tensor graphPanels(Graph& graph, const Tensor& x, const AdjacencyTensors& adjace
         while (H % columns != 0) columns -= 4;
         spec["kColumns"] = static_cast<uint32_t>(columns);
         invocations = (vertices + 1) / 2 * (H / columns);
+        params.byPieces = divisorOf(uint64_t(H / columns));
         kernel = "mesh/graph_panels_pairs.gather";
     }
     graph.dispatch(kernel,
@@ -94,14 +96,17 @@ Tensor convolve(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency
         // dz [V,2O]: what arrives at a vertex, and at its neighbours, for they are mutual.
         Tensor dz = graph.temporary({V, 2 * O});
         bool pairs = loadsPairs(graph.device()) && O % kPairColumns == 0 && row % 2 == 0;
-        uint64_t invocations = uint64_t{vertices} * uint64_t(pairs ? O / kPairColumns : O);
+        AggregateParams perVertex = params;
+        perVertex.byRow = divisorOf(uint64_t(pairs ? O / kPairColumns : O));
+        uint64_t invocations = uint64_t{vertices} * perVertex.byRow.divisor;
         graph.dispatch(pairs ? "mesh/aggregate_pairs.backward_own" : "mesh/aggregate.backward_own",
-                       {{"y", y}, {"dy", dy}, {"dz", dz}}, params, invocations, {{"kRelu", relu}});
+                       {{"y", y}, {"dy", dy}, {"dz", dz}}, perVertex, invocations,
+                       {{"kRelu", relu}});
         graph.dispatch(
             pairs ? "mesh/aggregate_pairs.backward_neighbours"
                   : "mesh/aggregate.backward_neighbours",
             {{"neighbourBegin", adjacency.begin}, {"neighbours", adjacency.neighbours}, {"dz", dz}},
-            params, invocations);
+            perVertex, invocations);
         if (graph.wantsGradient(x))
             gemm(graph, dz, weights.weight, graph.gradientTarget(x),
                  {.m = V, .n = weights.row, .k = 2 * O});
@@ -291,17 +296,21 @@ Tensor withTail(Graph& graph, const Tensor& x, int64_t columns, const Tensor& ta
     auto vertices = static_cast<uint32_t>(tail.dim(0));
     AggregateParams params{vertices, static_cast<uint32_t>(columns),
                            static_cast<uint32_t>(x ? x.dim(1) : 0),
-                           static_cast<uint32_t>(rowWithTail(columns))};
+                           static_cast<uint32_t>(rowWithTail(columns)),
+                           divisorOf(uint64_t(rowWithTail(columns)))};
     Tensor y = graph.temporary({vertices, params.row});
     graph.beginOp("with_tail");
     graph.dispatch("mesh/tail.replace", {{"x", x ? x : tail}, {"tail", tail}, {"y", y}}, params,
                    uint64_t{vertices} * params.row);
     graph.differentiate({x, tail}, {y}, [=, &graph] {
         Tensor dy = graph.gradient(y);
-        if (x && graph.wantsGradient(x))
+        if (x && graph.wantsGradient(x)) {
+            AggregateParams wide = params;
+            wide.byRow = divisorOf(params.xRow);
             graph.dispatch("mesh/tail.backward_replace",
-                           {{"dy", dy}, {"dx", graph.gradientTarget(x)}}, params,
+                           {{"dy", dy}, {"dx", graph.gradientTarget(x)}}, wide,
                            uint64_t{vertices} * params.xRow);
+        }
         if (graph.wantsGradient(tail))
             graph.dispatch("mesh/tail.backward",
                            {{"dy", dy}, {"dtail", graph.gradientTarget(tail)}}, params, vertices);

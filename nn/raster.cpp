@@ -182,7 +182,8 @@ VisibilityBuffer visibilityBuffer(Graph& graph, const RasterMesh& mesh, const Te
     Tensor large = largeList(graph, mesh);
     graph.fill(nearness);
     graph.fill(result.faceIndex, 0xffffffffu);
-    VisibilityParams params{faces, u32(width), u32(height), options.largeBox, 0};
+    VisibilityParams params{faces, u32(width), u32(height), options.largeBox, 0,
+                            divisorOf(uint64_t(width))};
     for (params.pass = 0; params.pass < 2; ++params.pass) {
         graph.dispatch("raster/visibility.small",
                        {{"faces", mesh.faceVertices},

@@ -29,7 +29,7 @@ struct Windows {
 
 inline uint32_t u32(int64_t value) { return static_cast<uint32_t>(value); }
 
-// Workgroups of up to 64 along x, and y, z as they are.
+// Workgroups of up to 256 along x, and y, z as they are.
 Groups planes(int64_t x, int64_t y, int64_t z, Specialisation& spec);
 
 }  // namespace doppel

@@ -261,7 +261,8 @@ Value normalise(const Values& v, bool training) {
 
 TEST(Conv, BatchNorm2d) {
     for (Shape shape :
-         {Shape{5, 1, 1, 1}, Shape{1, 13, 7, 1}, Shape{3, 2, 5, 127}, Shape{2, 3, 6, 40}}) {
+         {Shape{5, 1, 1, 1}, Shape{1, 13, 7, 1}, Shape{3, 2, 5, 127}, Shape{2, 3, 6, 40},
+          Shape{1, 2, 66, 70}, Shape{2, 2, 51, 51}}) {
         int64_t C = shape[1];
         Values inputs = {
             {"x", random(shape, 1)}, {"weight", random({C}, 2)}, {"bias", random({C}, 3)}};

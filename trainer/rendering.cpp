@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <future>
 #include <glm/gtc/quaternion.hpp>
 
 #include "engine/io/image.h"
@@ -116,11 +117,8 @@ double renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>
     Image before;
     double difference = 0;
     size_t compared = 0;
-    Progress progress(what, static_cast<int64_t>(shots.size()));
-    for (size_t i = 0; i < shots.size(); ++i) {
-        if (interrupted()) throw Interrupted{};
+    auto keep = [&](size_t i, const Drawing& drawing) {
         const Shot& shot = shots[i];
-        Drawing drawing = renderer.draw(shot.theta, shot.trans, shot.camera, kSamples);
         Image image = toImage(composite(drawing.rgb, drawing.mask, background(i)),
                               shot.camera.width, shot.camera.height);
         pictures.add(image);
@@ -130,8 +128,19 @@ double renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>
             compared += image.data.size();
         }
         before = std::move(image);
+    };
+    Progress progress(what, static_cast<int64_t>(shots.size()));
+    std::future<void> keeping;  // a picture is encoded while the device draws the next one
+    for (size_t i = 0; i < shots.size(); ++i) {
+        if (interrupted()) throw Interrupted{};
+        const Shot& shot = shots[i];
+        Drawing drawing = renderer.draw(shot.theta, shot.trans, shot.camera, kSamples);
+        if (keeping.valid()) keeping.get();
+        keeping = std::async(std::launch::async, keep, i, std::move(drawing));
         progress.update(static_cast<int64_t>(i) + 1);
     }
+    keeping.get();
+    if (interrupted()) throw Interrupted{};
     pictures.finish();
     return compared > 0 ? difference / static_cast<double>(compared) : 0;
 }

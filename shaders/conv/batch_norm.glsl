@@ -1,27 +1,7 @@
-// The passes of batch normalisation over images [images, channels, pixels]: by single pixels, or,
-// where their number is even, by pairs of them (PAIRS = 1; common/pairs.glsl says why).
+// The passes of batch normalisation over images [images, channels, pixels].
 #extension GL_EXT_control_flow_attributes : require
 #include "conv/params.h"
-#if PAIRS
-#include "common/pairs.glsl"
-#define Element uint64_t
-#define Value vec2
-#define WIDTH 2
-Value value(Element e) { return unpackPair(e); }
-Element element(Value v) { return packPair(v); }
-float horizontal(Value v) { return v.x + v.y; }
-Value rectified(Value v, Value sign, float slope) {
-    return mix(slope * v, v, greaterThan(sign, Value(0)));
-}
-#else
-#define Element float
-#define Value float
-#define WIDTH 1
-Value value(Element e) { return e; }
-Element element(Value v) { return v; }
-float horizontal(Value v) { return v; }
-Value rectified(Value v, Value sign, float slope) { return sign > 0 ? v : slope * v; }
-#endif
+#include "conv/batch_norm_value.glsl"
 
 PARAMS(BatchNormParams, 10)
 BUFFER(0, readonly, Element, x);        // [images, channels, pixels]

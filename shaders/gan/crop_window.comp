@@ -11,7 +11,7 @@ BUFFER(3, readonly, float, dy);       // [N,C,size,size]
 BUFFER(4, writeonly, float, dx);      // [N,C,H,W]
 
 ivec2 startOf(uint plane) {
-    uint n = plane / params.channels;
+    uint n = quotient(plane, params.byChannels);
     return ivec2(windowStart(centres.d[2 * n], params.size),
                  windowStart(centres.d[2 * n + 1], params.size));
 }

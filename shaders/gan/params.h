@@ -1,5 +1,6 @@
 #ifndef GAN_PARAMS_H
 #define GAN_PARAMS_H
+#include "common/divide.h"
 #include "common/shared.h"
 SHARED_BEGIN
 struct PlanarParams {
@@ -10,6 +11,7 @@ struct CropWindowParams {
     uint channels;
     uint width, height;
     uint size;  // of the window's side
+    Divisor byChannels;
 };
 struct GanLossParams {
     uint n;         // logits

@@ -16,7 +16,7 @@ layout(constant_id = 1) const bool kRelu = false;
 ENTRY(backward_own) {
     uint i = linearIndex();
     if (i >= params.vertices * params.outputs) return;
-    uint v = i / params.outputs, column = i % params.outputs;
+    uint v = quotient(i, params.byRow), column = remainder(i, v, params.byRow);
     uint at = v * params.row + column;
     dz.d[v * params.xRow + column] = kRelu && !(y.d[at] > 0) ? 0 : dy.d[at];
 }
@@ -25,7 +25,7 @@ ENTRY(backward_own) {
 ENTRY(backward_neighbours) {
     uint i = linearIndex();
     if (i >= params.vertices * params.outputs) return;
-    uint v = i / params.outputs, column = i % params.outputs;
+    uint v = quotient(i, params.byRow), column = remainder(i, v, params.byRow);
     float sum = 0;
     int end = neighbourBegin.d[v + 1];
     for (int n = neighbourBegin.d[v]; n < end; ++n)

@@ -24,7 +24,7 @@ uint64_t packPair(vec2 pair) { return packUint2x32(floatBitsToUint(pair)); }
 ENTRY(backward_own) {
     uint i = linearIndex(), pieces = params.outputs / kPairColumns;
     if (i >= params.vertices * pieces) return;
-    uint v = i / pieces, column = i % pieces * kPairs;
+    uint v = quotient(i, params.byRow), column = remainder(i, v, params.byRow) * kPairs;
     uint from = v * (params.row / 2) + column, to = v * (params.xRow / 2) + column;
     [[unroll]] for (uint k = 0; k < kPairs; ++k) {
         vec2 d = unpackPair(dy.d[from + k]);
@@ -36,7 +36,7 @@ ENTRY(backward_own) {
 ENTRY(backward_neighbours) {
     uint i = linearIndex(), pieces = params.outputs / kPairColumns;
     if (i >= params.vertices * pieces) return;
-    uint v = i / pieces, column = i % pieces * kPairs;
+    uint v = quotient(i, params.byRow), column = remainder(i, v, params.byRow) * kPairs;
     uint zRow = params.xRow / 2;
     vec2 sum[kPairs];
     [[unroll]] for (uint k = 0; k < kPairs; ++k) sum[k] = vec2(0);

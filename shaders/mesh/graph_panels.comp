@@ -21,7 +21,7 @@ layout(constant_id = 1) const uint kRows = 8;
 ENTRY(gather) {
     uint i = linearIndex(), H = params.halfColumns;
     if (i >= params.vertices * H) return;
-    uint v = i / H, column = i % H;
+    uint v = quotient(i, params.byPieces), column = remainder(i, v, params.byPieces);
     int begin = neighbourBegin.d[v], end = neighbourBegin.d[v + 1];
     float own = 0, sum = 0;
     if (column < params.inputs) {

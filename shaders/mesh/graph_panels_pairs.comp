@@ -19,7 +19,8 @@ layout(constant_id = 2) const uint kColumns = 4;  // of an invocation; even
 ENTRY(gather) {
     uint i = linearIndex(), H = params.halfColumns, pieces = H / kColumns;
     if (i >= (params.vertices + 1) / 2 * pieces) return;
-    uint v = i / pieces * 2, column = i % pieces * kColumns;
+    uint v = quotient(i, params.byPieces), column = remainder(i, v, params.byPieces) * kColumns;
+    v *= 2;
     vec2 own[2][kColumns / 2], sum[2][kColumns / 2];
     [[unroll]] for (uint t = 0; t < 2; ++t) {
         uint vertex = min(v + t, params.vertices - 1), at = (vertex * params.row + column) / 2;

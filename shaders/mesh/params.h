@@ -1,5 +1,6 @@
 #ifndef MESH_PARAMS_H
 #define MESH_PARAMS_H
+#include "common/divide.h"
 #include "common/shared.h"
 SHARED_BEGIN
 struct MeshParams {
@@ -11,6 +12,7 @@ struct AggregateParams {
     uint outputs;  // O, features of a vertex
     uint xRow;     // numbers from one row of z or x to the next
     uint row;      // of y
+    Divisor byRow;  // invocations of a vertex, where there are several
 };
 struct StackParams {
     uint outputs, inputs;  // O, I
@@ -22,6 +24,7 @@ struct GraphPanelsParams {
     uint inputs;  // I, numbers of a vertex that count
     uint row;     // numbers from one row of x to the next, I or more
     uint halfColumns;  // H: columns for the vertex itself, and as many for its neighbours
+    Divisor byPieces;  // invocations of a vertex
 };
 SHARED_END
 #ifdef __cplusplus

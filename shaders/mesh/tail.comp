@@ -30,7 +30,7 @@ ENTRY(backward) {
 ENTRY(replace) {
     uint i = linearIndex();
     if (i >= params.vertices * params.row) return;
-    uint v = i / params.row, column = i % params.row;
+    uint v = quotient(i, params.byRow), column = remainder(i, v, params.byRow);
     float value = 0;
     if (column < params.outputs)
         value = x.d[v * params.xRow + column];
@@ -42,6 +42,6 @@ ENTRY(replace) {
 ENTRY(backward_replace) {
     uint i = linearIndex();
     if (i >= params.vertices * params.xRow) return;
-    uint v = i / params.xRow, column = i % params.xRow;
+    uint v = quotient(i, params.byRow), column = remainder(i, v, params.byRow);
     dx.d[i] = column < params.outputs ? dy.d[v * params.row + column] : 0;
 }

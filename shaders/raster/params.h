@@ -1,6 +1,7 @@
 #ifndef RASTER_PARAMS_H
 #define RASTER_PARAMS_H
 #include "common/camera.h"
+#include "common/divide.h"
 #include "common/shared.h"
 SHARED_BEGIN
 struct ProjectParams {
@@ -15,6 +16,7 @@ struct VisibilityParams {
     uint faces, width, height;
     uint largeBox;
     uint pass;  // 0: nearest depth; 1: lowest face at that depth
+    Divisor byWidth;
 };
 struct TexturedRenderParams {
     uint pixels;

@@ -93,8 +93,8 @@ ENTRY(resolve) {
     if (covered) {
         ivec4 v = faces.d[face];
         Triangle t = makeTriangle(screen.d[v.x], screen.d[v.y], screen.d[v.z], 0);
-        vec2 p = pixelCentre(int(i % params.width), int(i / params.width), params.width,
-                             params.height);
+        uint row = quotient(i, params.byWidth), column = remainder(i, row, params.byWidth);
+        vec2 p = pixelCentre(int(column), int(row), params.width, params.height);
         vec3 e = edgeFunctions(t, p), weights = e * t.inverseDepth;
         float total = weights.x + weights.y + weights.z;
         result = vec4(weights / total, (e.x + e.y + e.z) / total);
