@@ -319,8 +319,7 @@ void Viewer::handleMouse() {
             // Two fingers sideways, or with Shift in any direction, pan; else nearer and farther.
             if (io.KeyShift || std::abs(io.MouseWheelH) > std::abs(io.MouseWheel))
                 orbit_.pan(30.0 * static_cast<double>(io.MouseWheelH),
-                           30.0 * static_cast<double>(io.MouseWheel), dragPane_.width,
-                           dragPane_.height);
+                           30.0 * static_cast<double>(io.MouseWheel), dragPane_.height);
             else
                 orbit_.dolly(std::pow(0.9, static_cast<double>(io.MouseWheel)));
             lastTouched_ = Clock::now();
@@ -335,7 +334,7 @@ void Viewer::handleMouse() {
             orbit_.orbit(moved.x * scale, moved.y * scale, dragPane_.height);
             break;
         case Drag::Pan:
-            orbit_.pan(moved.x * scale, moved.y * scale, dragPane_.width, dragPane_.height);
+            orbit_.pan(moved.x * scale, moved.y * scale, dragPane_.height);
             break;
         case Drag::Dolly:
             orbit_.dolly(std::pow(1.01, moved.y));
@@ -366,8 +365,7 @@ void Viewer::leaveCaptureCamera() {
     orbit_.orthographic = false;
     orbit_.distance = std::max(pelvis.z, 0.3);
     orbit_.target = {0, 0, orbit_.distance};
-    double side = std::min(dragPane_.width, dragPane_.height);
-    orbit_.fieldOfView = std::clamp(2 * std::atan(side / (2 * own.fx)), 0.05, 2.5);
+    orbit_.fieldOfView = std::clamp(2 * std::atan(dragPane_.height / (2 * own.fy)), 0.05, 2.5);
 }
 
 // ---- what is drawn over the picture -------------------------------------------------------------
@@ -382,8 +380,8 @@ void Viewer::drawOverlays() {
         bool meshes = settings_.split == Split::Meshes;
         const char* left = meshes ? "body" : "coarse texture";
         const char* right = meshes ? "refined mesh" : "refined texture";
-        list.AddText({12, bottom - 24}, IM_COL32(255, 255, 255, 220), left);
-        list.AddText({x + 12, bottom - 24}, IM_COL32(255, 255, 255, 220), right);
+        list.AddText({12, bottom - 42}, IM_COL32(255, 255, 255, 220), left);
+        list.AddText({x + 12, bottom - 42}, IM_COL32(255, 255, 255, 220), right);
     }
     bool near = paneAt(mouse_.x, mouse_.y) && !ImGui::GetIO().WantCaptureMouse;
     bool edits = drag_ == Drag::Joint || drag_ == Drag::Ring;

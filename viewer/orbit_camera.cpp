@@ -12,9 +12,7 @@ constexpr double kLongLens = 200;  // times as far away, times as long
 constexpr double kSteepest = 1.55;
 constexpr double kNearest = 0.05, kFarthest = 100;
 
-double focal(double fieldOfView, int width, int height) {
-    return 0.5 * std::min(width, height) / std::tan(fieldOfView / 2);
-}
+double focal(double fieldOfView, int height) { return 0.5 * height / std::tan(fieldOfView / 2); }
 
 }  // namespace
 
@@ -27,7 +25,7 @@ ViewTransform OrbitCamera::view() const {
 }
 
 Camera OrbitCamera::camera(int width, int height) const {
-    double f = focal(fieldOfView, width, height) * (orthographic ? kLongLens : 1);
+    double f = focal(fieldOfView, height) * (orthographic ? kLongLens : 1);
     return {f, f, width / 2.0, height / 2.0, width, height};
 }
 
@@ -37,8 +35,8 @@ void OrbitCamera::orbit(double right, double down, int height) {
     pitch = std::clamp(pitch + down * radians, -kSteepest, kSteepest);
 }
 
-void OrbitCamera::pan(double right, double down, int width, int height) {
-    double metres = distance / focal(fieldOfView, width, height);
+void OrbitCamera::pan(double right, double down, int height) {
+    double metres = distance / focal(fieldOfView, height);
     target -= glm::transpose(view().rotation) * glm::dvec3(right * metres, down * metres, 0);
 }
 
@@ -58,7 +56,7 @@ void OrbitCamera::frame(std::span<const float> points, int width, int height) {
     target = (low + high) / 2.0;
     // Each point asks for a distance at which it is inside the picture.
     glm::dmat3 rotation = view().rotation;
-    double f = focal(fieldOfView, width, height) / 0.9;  // a tenth of the picture stays free
+    double f = focal(fieldOfView, height) / 0.9;  // a tenth of the picture stays free
     double needed = kNearest;
     for (size_t i = 0; i + 2 < points.size(); i += 3) {
         glm::dvec3 p = rotation * (glm::dvec3(points[i], points[i + 1], points[i + 2]) - target);

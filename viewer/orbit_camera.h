@@ -12,7 +12,7 @@ namespace doppel {
 struct OrbitCamera {
     glm::dvec3 target{0, 0, 3};
     double yaw = 0, pitch = 0, distance = 3;
-    double fieldOfView = 0.66;  // of the picture's shorter side
+    double fieldOfView = 0.66;  // of the picture's height
     // Drawn through a lens so long that what is a metre further away is smaller by 1/600 or less.
     bool orthographic = false;
 
@@ -21,7 +21,7 @@ struct OrbitCamera {
 
     // Mouse movement in pixels of a picture with this many rows: what is near moves with the mouse.
     void orbit(double right, double down, int height);
-    void pan(double right, double down, int width, int height);
+    void pan(double right, double down, int height);
     // > 1 goes away, < 1 comes nearer.
     void dolly(double factor);
     // Looks at these points [n,3] so that all of them are seen, from where it stands.

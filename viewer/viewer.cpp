@@ -92,7 +92,10 @@ void Viewer::reloadIfChanged() {
     std::shared_ptr<LoadedAvatar> now = source_.changed();
     if (!now) return;
     bool wasTextured = avatar_->textured, hadBest = settings_.texture == bestTexture();
+    bool hadOwnShape = editor_->betas() == avatar_->avatar.betas;
     useAvatar(std::move(now));
+    if (hadOwnShape && editor_->betas() != avatar_->avatar.betas)
+        editor_->setBetas(avatar_->avatar.betas);
     if (!wasTextured && avatar_->textured && settings_.paint == kPaintClay)
         settings_.paint = kPaintTexture;
     if (hadBest) settings_.texture = bestTexture();
@@ -144,13 +147,15 @@ bool Viewer::frame() {
     // What comes from threads wakes the window.
     double wait = rests || painter_->busy() ? 0.25 : interacting() && !playing_ ? 0.02 : 0;
     if (framesToDraw_ > 0 || playing_ || working()) wait = 0;
+    if (!drawable_) wait = working() ? 0.01 : 0.25;
     auto before = Clock::now();
-    bool drawable = window_.begin(wait);
+    drawable_ = window_.begin(wait);
     bool woken = wait > 0 && Clock::now() - before < std::chrono::duration<double>(wait * 0.98);
     if (window_.closed()) return false;
     reloadIfChanged();
     advanceTimeline();
-    if (!drawable) return true;
+    if (working()) attempt([&] { advanceJobs(); });
+    if (!drawable_) return true;
     if (woken) framesToDraw_ = 3;  // ImGui answers some events a frame later
     if (rests && settled()) {
         window_.skip();
@@ -163,7 +168,6 @@ bool Viewer::frame() {
         layOut();
         handleMouse();
     });
-    if (working()) attempt([&] { advanceJobs(); });
     updateTextures();
     if (!film_) updatePictures();
     drawOverlays();
@@ -205,11 +209,14 @@ void Viewer::run(const std::function<void()>& each) {
     }
 }
 
-// A mistake of the user's, or a file that cannot be written: said in the window, which goes on.
+// What goes wrong with a file is said in the window, which goes on. A device that is lost shows
+// again where pictures are computed, and is not caught there.
 void Viewer::attempt(const std::function<void()>& action) {
     try {
         action();
     } catch (const InputError& error) {
+        say(error.what(), true);
+    } catch (const MachineError& error) {
         say(error.what(), true);
     }
 }

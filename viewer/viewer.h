@@ -206,6 +206,7 @@ private:
     Times times_;
     Clock::time_point lastTouched_{}, lastFrame_{};
     int framesToDraw_ = 3;
+    bool drawable_ = true;  // the window has a size
 
     // Textures as they were painted last.
     std::map<TextureKind, std::vector<float>> textures_;
