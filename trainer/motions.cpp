@@ -4,27 +4,13 @@
 #include <cmath>
 #include <glm/gtc/quaternion.hpp>
 
+#include "trainer/joints.h"
+
 namespace doppel {
 
 namespace {
 
 constexpr float kPi = 3.14159265358979f;
-
-enum Joint {
-    kLeftHip = 1,
-    kRightHip,
-    kSpine1,
-    kLeftKnee,
-    kRightKnee,
-    kSpine2,
-    kSpine3 = 9,
-    kNeck = 12,
-    kHead = 15,
-    kLeftShoulder,
-    kRightShoulder,
-    kLeftElbow,
-    kRightElbow,
-};
 
 // A pose in the making: one joint's rotation at a time, about the body's axes (x left, y up, z
 // out).
@@ -43,19 +29,20 @@ struct PoseBuilder {
     }
     // Both arms lowered from the T-pose by these angles; positive is down.
     void arms(float left, float right) {
-        turn(kLeftShoulder, {0, 0, -left});
-        turn(kRightShoulder, {0, 0, right});
+        turn(joint::kLeftShoulder, {0, 0, -left});
+        turn(joint::kRightShoulder, {0, 0, right});
     }
     void elbows(float left, float right) {  // flexion brings the hands forward
-        turn(kLeftElbow, {0, -left, 0});
-        turn(kRightElbow, {0, right, 0});
+        turn(joint::kLeftElbow, {0, -left, 0});
+        turn(joint::kRightElbow, {0, right, 0});
     }
     void leg(bool left, float swing, float knee) {  // swing forward, knee flexion
-        turn(left ? kLeftHip : kRightHip, {-swing, 0, 0});
-        turn(left ? kLeftKnee : kRightKnee, {knee, 0, 0});
+        turn(left ? joint::kLeftHip : joint::kRightHip, {-swing, 0, 0});
+        turn(left ? joint::kLeftKnee : joint::kRightKnee, {knee, 0, 0});
     }
     void bend(float forward) {
-        for (int joint : {kSpine1, kSpine2, kSpine3}) turn(joint, {forward / 3, 0, 0});
+        for (int joint : {joint::kSpine1, joint::kSpine2, joint::kSpine3})
+            turn(joint, {forward / 3, 0, 0});
     }
 };
 
@@ -84,8 +71,8 @@ std::vector<MotionFrame> actorSession(int turnFrames, int motionFrames, float di
         PoseBuilder pose("walk", phase * 0.5f, distance);
         float swing = std::sin(phase * 2);
         pose.arms(1.15f, 1.15f);
-        pose.turn(kLeftShoulder, {-0.35f * -swing, 0, 0});
-        pose.turn(kRightShoulder, {-0.35f * swing, 0, 0});
+        pose.turn(joint::kLeftShoulder, {-0.35f * -swing, 0, 0});
+        pose.turn(joint::kRightShoulder, {-0.35f * swing, 0, 0});
         pose.elbows(0.35f, 0.35f);
         pose.leg(true, 0.45f * swing, 0.25f + 0.35f * std::max(0.0f, -swing));
         pose.leg(false, -0.45f * swing, 0.25f + 0.35f * std::max(0.0f, swing));
@@ -97,7 +84,7 @@ std::vector<MotionFrame> actorSession(int turnFrames, int motionFrames, float di
         float lift = 0.9f - 1.7f * std::sin(kPi * phase);
         pose.arms(lift, lift);
         pose.elbows(0.2f + 0.6f * phase, 0.2f);
-        pose.turn(kHead, {0, 0.4f * std::sin(2 * kPi * phase), 0});
+        pose.turn(joint::kHead, {0, 0.4f * std::sin(2 * kPi * phase), 0});
         frames.push_back(pose.frame);
     }
     for (int i = 0; i < motionFrames; ++i) {
@@ -122,11 +109,12 @@ std::vector<MotionFrame> greeting(int frames, float distance) {
         float wave = std::clamp(std::min(t / 0.15f, (0.6f - t) / 0.1f), 0.0f, 1.0f);
         float bow = t > 0.6f ? std::sin(kPi * (t - 0.6f) / 0.4f) : 0.0f;
         pose.arms(1.15f, 1.15f - 1.6f * wave);
-        pose.turn(kRightElbow, {0, 0.2f, -wave * (1.2f + 0.45f * std::sin(2 * kPi * t * 5))});
-        pose.turn(kLeftElbow, {0, -0.25f, 0});
+        pose.turn(joint::kRightElbow,
+                  {0, 0.2f, -wave * (1.2f + 0.45f * std::sin(2 * kPi * t * 5))});
+        pose.turn(joint::kLeftElbow, {0, -0.25f, 0});
         pose.bend(0.75f * bow);
-        pose.turn(kNeck, {0.35f * bow, 0, 0});
-        pose.turn(kHead, {0, 0, 0.1f * wave});
+        pose.turn(joint::kNeck, {0.35f * bow, 0, 0});
+        pose.turn(joint::kHead, {0, 0, 0.1f * wave});
         result.push_back(pose.frame);
     }
     return result;

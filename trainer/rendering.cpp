@@ -21,12 +21,6 @@ namespace {
 
 constexpr int kSamples = 2;  // per pixel and axis
 
-glm::dquat toQuaternion(const Theta& theta) {
-    glm::dvec3 v(theta[0], theta[1], theta[2]);
-    double angle = glm::length(v);
-    return angle > 0 ? glm::angleAxis(angle, v / angle) : glm::dquat(1, 0, 0, 0);
-}
-
 }  // namespace
 
 Shot restShot(Device& device, const Avatar& avatar, int size) {
@@ -51,12 +45,10 @@ Shot restShot(Device& device, const Avatar& avatar, int size) {
 
 Shot turned(const Shot& shot, double turns) {
     // The camera going round one way is the body turning the other.
-    glm::dquat q =
-        glm::angleAxis(6.283185307179586 * turns, glm::dvec3(0, 1, 0)) * toQuaternion(shot.theta);
-    if (q.w < 0) q = -q;  // glm::angle() loses the digits of angles near a full turn
-    glm::dvec3 root = glm::axis(q) * glm::angle(q);
     Shot result = shot;
-    for (int k = 0; k < 3; ++k) result.theta[static_cast<size_t>(k)] = static_cast<float>(root[k]);
+    setJointRotation(result.theta, 0,
+                     glm::angleAxis(6.283185307179586 * turns, glm::dvec3(0, 1, 0)) *
+                         jointRotation(shot.theta, 0));
     return result;
 }
 

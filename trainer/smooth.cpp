@@ -4,33 +4,15 @@
 #include <cmath>
 #include <glm/gtc/quaternion.hpp>
 
+#include "trainer/joints.h"
+
 namespace doppel {
-
-namespace {
-
-glm::dquat rotation(const Theta& theta, size_t joint) {
-    glm::dvec3 v(theta[3 * joint], theta[3 * joint + 1], theta[3 * joint + 2]);
-    double angle = glm::length(v);
-    return angle > 0 ? glm::angleAxis(angle, v / angle) : glm::dquat(1, 0, 0, 0);
-}
-
-void setRotation(Theta& theta, size_t joint, glm::dquat q) {
-    if (q.w < 0) q = -q;
-    glm::dvec3 axis(q.x, q.y, q.z);
-    double sine = glm::length(axis);
-    double angle = 2 * std::atan2(sine, q.w);
-    glm::dvec3 v = sine > 0 ? angle / sine * axis : glm::dvec3(0);
-    for (int k = 0; k < 3; ++k)
-        theta[3 * joint + static_cast<size_t>(k)] = static_cast<float>(v[k]);
-}
-
-}  // namespace
 
 Motion smoothed(Motion motion, double deviation) {
     if (deviation <= 0) return motion;
     const std::vector<Theta> theta = motion.theta;
     const std::vector<Trans> trans = motion.trans;
-    constexpr size_t kJoints = 24;
+    constexpr size_t kJoints = joint::kCount;
     auto reach = static_cast<int64_t>(std::ceil(3 * deviation));
     auto count = static_cast<int64_t>(motion.size());
     for (int64_t i = 0; i < count; ++i) {
@@ -47,15 +29,15 @@ Motion smoothed(Motion motion, double deviation) {
             for (size_t c = 0; c < 3; ++c)
                 place[c] += weight * static_cast<double>(trans[frame][c]);
             for (size_t j = 0; j < kJoints; ++j) {
-                glm::dquat q = rotation(theta[frame], j);
-                if (glm::dot(q, rotation(theta[static_cast<size_t>(i)], j)) < 0) q = -q;
+                glm::dquat q = jointRotation(theta[frame], j);
+                if (glm::dot(q, jointRotation(theta[static_cast<size_t>(i)], j)) < 0) q = -q;
                 sums[j] = sums[j] + weight * q;
             }
         }
         auto at = static_cast<size_t>(i);
         for (size_t c = 0; c < 3; ++c) motion.trans[at][c] = static_cast<float>(place[c] / total);
         for (size_t j = 0; j < kJoints; ++j)
-            setRotation(motion.theta[at], j, glm::normalize(sums[j]));
+            setJointRotation(motion.theta[at], j, glm::normalize(sums[j]));
     }
     return motion;
 }

@@ -5,6 +5,7 @@
 
 #include "nn/lbs.h"
 #include "trainer/checkpoint.h"
+#include "trainer/joints.h"
 #include "trainer/networks.h"
 
 namespace doppel {
@@ -14,12 +15,8 @@ namespace {
 constexpr size_t kDrawingsKept = 8;  // of some 30 MB each for a window of usual size
 
 std::array<float, 3> axisAngle(const glm::dmat3& rotation) {
-    glm::dquat q = glm::normalize(glm::quat_cast(rotation));
-    if (q.w < 0) q = -q;
-    glm::dvec3 axis(q.x, q.y, q.z);
-    double sine = glm::length(axis);
-    if (sine > 0) axis *= 2 * std::atan2(sine, q.w) / sine;
-    return {float(axis.x), float(axis.y), float(axis.z)};
+    glm::dvec3 v = axisAngleOf(glm::normalize(glm::quat_cast(rotation)));
+    return {float(v.x), float(v.y), float(v.z)};
 }
 
 }  // namespace
