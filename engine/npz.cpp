@@ -14,6 +14,7 @@
 
 #include "engine/atomic_file.h"
 #include "engine/error.h"
+#include "engine/printable.h"
 #include "engine/zip.h"
 
 static_assert(std::endian::native == std::endian::little, "arrays are kept little-endian");
@@ -683,7 +684,7 @@ Array arrayFromRaw(std::string_view descr, std::vector<int64_t> shape, bool fort
     const RawType type = parseDescr(descr);
     array.dtype = type.dtype;
     if (type.dtype == DType::text || type.dtype == DType::other) {
-        array.descr = printableName(descr);
+        array.descr = printable(descr);
     }
     if (type.dtype == DType::other) {
         if (array.descr == "|O" || array.descr == "O") array.bytes.assign(data.begin(), data.end());
@@ -751,7 +752,7 @@ Npz npzFromBytes(std::span<const uint8_t> file, const std::string& name, const N
     for (const ZipEntry& entry : zipEntries(file, {}, name, zipLimits)) {
         if (!entry.name.ends_with(".npy")) continue;
         const std::string key =
-            printableName(std::string_view(entry.name).substr(0, entry.name.size() - 4));
+            printable(std::string_view(entry.name).substr(0, entry.name.size() - 4));
         const std::string where = name + ": " + key;
         if (!seen.insert(key).second) throwInput("{}: stands twice in the file", where);
         npz.set(key, npyFromBytes(unpackZip(file, entry, where), where));

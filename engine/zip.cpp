@@ -7,18 +7,11 @@
 #include <utility>
 
 #include "engine/error.h"
+#include "engine/printable.h"
 
 namespace doppel {
 
 using namespace zip;
-
-std::string printableName(std::string_view name) {
-    std::string text;
-    for (const char c : name.substr(0, 100)) {
-        text += (static_cast<unsigned char>(c) < 32 || c == 127) ? '?' : c;
-    }
-    return text;
-}
 
 namespace {
 
@@ -127,10 +120,10 @@ private:
         zip64(file_.subspan(at + nameSize, extraSize), entry);
         at += nameSize + extraSize + commentSize;
 
-        if (entry.flags & 1) throwInput("{}: {} is encrypted", name_, printableName(entry.name));
+        if (entry.flags & 1) throwInput("{}: {} is encrypted", name_, printable(entry.name));
         if (entry.method != 0 && entry.method != 8) {
             throwInput("{}: {} is packed with method {}; expected stored or deflated", name_,
-                       printableName(entry.name), entry.method);
+                       printable(entry.name), entry.method);
         }
         if (entry.offset > file_.size() || file_.size() - entry.offset < kLocalSize ||
             read<uint32_t>(entry.offset) != kLocalSignature) {
@@ -139,11 +132,11 @@ private:
         entry.begin = entry.offset + kLocalSize + read<uint16_t>(entry.offset + 26) +
                       read<uint16_t>(entry.offset + 28);
         if (entry.begin > file_.size() || entry.packed > file_.size() - entry.begin) {
-            throwInput("{}: {} is cut short", name_, printableName(entry.name));
+            throwInput("{}: {} is cut short", name_, printable(entry.name));
         }
         if (entry.method == 0 && entry.packed != entry.size) {
-            throwInput("{}: {} is stored in {} bytes but claims {}", name_,
-                       printableName(entry.name), entry.packed, entry.size);
+            throwInput("{}: {} is stored in {} bytes but claims {}", name_, printable(entry.name),
+                       entry.packed, entry.size);
         }
         return entry;
     }
@@ -190,11 +183,11 @@ private:
             if (each.size / 1040 > each.packed + 1 || each.size > limits_.maxTotal ||
                 (total += each.size) > limits_.maxTotal) {
                 throwInput("{}: {} claims {} bytes unpacked; expected at most {} in all", name_,
-                           printableName(each.name), each.size, limits_.maxTotal);
+                           printable(each.name), each.size, limits_.maxTotal);
             }
             if (each.size / 100 > each.packed && (blownUp += each.size) > limits_.maxInflated) {
                 throwInput("{}: {} unpacks from {} to {} bytes: refused as a zip bomb", name_,
-                           printableName(each.name), each.packed, each.size);
+                           printable(each.name), each.packed, each.size);
             }
         }
     }

@@ -43,9 +43,6 @@ std::vector<ZipEntry> zipEntries(std::span<const uint8_t> file, const ZipKind& k
 std::vector<uint8_t> unpackZip(std::span<const uint8_t> file, const ZipEntry& entry,
                                const std::string& where);
 
-// Names come from the file: nothing in them may reach a terminal raw.
-std::string printableName(std::string_view name);
-
 namespace zip {
 
 constexpr uint32_t kLocalSignature = 0x04034b50, kCentralSignature = 0x02014b50;

@@ -137,7 +137,8 @@ TrainOptions restlessOptions(const fs::path& capture, const fs::path& out) {
 
 // As the program does it, with a hand at the switch.
 void trainUntil(const TrainOptions& options, bool resume, double checkpointSeconds,
-                const std::function<void(const std::string& stage, int64_t done)>& afterStep) {
+                const std::function<void(const std::string& stage, int64_t done)>& afterStep,
+                const std::function<void()>& opened = {}) {
     Avatar avatar;
     if (resume && !readRunRecord(options.out)->done.empty()) {
         avatar = readAvatar(options.out);
@@ -149,7 +150,8 @@ void trainUntil(const TrainOptions& options, bool resume, double checkpointSecon
     TrainSettings settings;
     settings.stages = options.stages;
     settings.out = options.out;
-    settings.pictureSeconds = 0;
+    settings.pictureSeconds = opened ? 1e-9 : 0;  // of one who watches: after every step
+    settings.opened = opened;
     settings.resume = resume;
     settings.checkpointSeconds = checkpointSeconds;
     settings.afterStep = afterStep;
@@ -249,23 +251,9 @@ TEST_F(Resume, EndsWithTheSameBytesAfterBeingKilledBetweenCheckpoints) {
 
 TEST_F(Resume, EndsWithTheSameBytesWhenItIsWatched) {
     TrainOptions options = restlessOptions(capture(), folder_->path() / "watched");
-    Avatar avatar;
-    avatar.bodyArrays = readBodyArrays(options.body);
-    avatar.body = bodyFromNpz(avatar.bodyArrays);
-    avatar.preset = options.preset;
-    TrainSettings settings;
-    settings.stages = options.stages;
-    settings.out = options.out;
-    settings.pictureSeconds = 1e-9;  // after every step
     bool opened = false;
-    settings.opened = [&] {
-        opened = true;
-        Avatar live = readAvatar(liveFolder(options.out));
-        EXPECT_TRUE(live.meshNet.empty());
-        EXPECT_TRUE(live.texture.empty());
-    };
     std::map<std::string, int> states;
-    settings.afterStep = [&](const std::string& stage, int64_t done) {
+    auto look = [&](const std::string& stage, int64_t done) {
         if (stage == "fit" || done % 3 != 0) return;
         Avatar live = readAvatar(liveFolder(options.out));
         ++states[stage];
@@ -273,7 +261,12 @@ TEST_F(Resume, EndsWithTheSameBytesWhenItIsWatched) {
         EXPECT_EQ(live.textureNet.empty(), stage == "mesh");
         EXPECT_EQ(live.refineNet.empty(), stage != "refine");
     };
-    trainAvatar(testDevice(), std::move(avatar), readCapture(options.capture), settings);
+    trainUntil(options, false, 0, look, [&] {
+        opened = true;
+        Avatar live = readAvatar(liveFolder(options.out));
+        EXPECT_TRUE(live.meshNet.empty());
+        EXPECT_TRUE(live.texture.empty());
+    });
     EXPECT_TRUE(opened);
     EXPECT_EQ(states, (std::map<std::string, int>{{"mesh", 2}, {"texture", 2}, {"refine", 2}}));
     expectSameResult(options.out, whole());

@@ -12,11 +12,11 @@
 #include <thread>
 
 #include "engine/error.h"
-#include "engine/io/gltf.h"
 #include "engine/io/video.h"
 #include "tests/files.h"
 #include "tests/op_test.h"
 #include "tests/screen.h"
+#include "trainer/background.h"
 #include "trainer/motions.h"
 #include "trainer/networks.h"
 #include "trainer/train.h"
@@ -413,7 +413,7 @@ TEST_F(ViewerTest, SurvivesResizingHidingAndALostSwapchain) {
     EXPECT_LT(difference(picture(), before), 0.002);
 }
 
-TEST_F(ViewerTest, PlaysMotionsThroughTheCapturesCamera) {
+TEST_F(ViewerTest, PlaysMotions) {
     Motion motion = turningMotion(9);
     fs::path poses = *folder_ / "poses.npz";
     Npz arrays = posesArrays(motion.theta, motion.trans, {});
@@ -444,6 +444,54 @@ TEST_F(ViewerTest, PlaysMotionsThroughTheCapturesCamera) {
     EXPECT_EQ(messageOf<InputError>([&] { viewer.loadMotion(*folder_ / "none.npz"); }).empty(),
               false);
     EXPECT_EQ(viewer.frameCount(), 9);  // the old one is still there
+}
+
+TEST_F(ViewerTest, LooksThroughTheCapturesCamera) {
+    Motion motion = turningMotion(2);
+    fs::path folder = *folder_ / "capture";
+    {
+        CaptureWriter writer(folder);
+        Capture capture;
+        capture.name = "captured";
+        for (size_t f = 0; f < motion.size(); ++f) {
+            std::string name = fmt::format("{}", f);
+            Image frame(80, 60, 3);
+            for (size_t i = 0; i < frame.data.size(); ++i)
+                frame.data[i] = i % 3 == f ? 200 : 40;  // red, then green
+            writer.addImage(name, 80, 60, frame.data);
+            capture.frames.push_back({name, {}, {}, {75, 75, 40, 30, 80, 60}});
+            capture.theta.push_back(motion.theta[f]);
+            capture.trans.push_back(motion.trans[f]);
+        }
+        writer.commit(capture);
+    }
+    ViewOptions options;
+    options.motion = folder;
+    Viewer& viewer = open(options);
+    screen_->key("0");
+    settle();
+    ASSERT_TRUE(viewer.settings().captureCamera);
+    // The frame is as large as the pane allows, 533 by 400 in the middle of 560 by 400.
+    const Pane& pane = viewer.panes().back();
+    double scale = pane.height / 60.0, left = (pane.width - 80 * scale) / 2;
+    PosedSkeleton body = viewer.posed();
+    glm::dvec3 head = body.position[joint::kHead];
+    EXPECT_NEAR(at(joint::kHead).x, left + scale * (75 * head.x / head.z + 40), 1e-6);
+    EXPECT_NEAR(at(joint::kHead).y, scale * (75 * head.y / head.z + 30), 1e-6);
+    for (int f : {0, 1}) {
+        Image now = picture();
+        const uint8_t* inside = now.pixel(static_cast<int>(left) + 20, 30);
+        EXPECT_NEAR(inside[f], 200, 2) << f;
+        EXPECT_NEAR(inside[1 - f], 40, 2) << f;
+        EXPECT_LT(now.pixel(4, 30)[f], 100) << f;  // beside the frame
+        screen_->key("Right");
+        settle();
+    }
+    // Orbiting begins where the capture's camera stood.
+    glm::dvec2 before = at(joint::kHead);
+    drag({30, 300}, {30, 300}, 2, 1);
+    EXPECT_FALSE(viewer.settings().captureCamera);
+    EXPECT_LT(glm::distance(at(joint::kHead), before), 2);
 }
 
 TEST_F(ViewerTest, KeyframesAreSavedAndReadAgain) {
@@ -594,9 +642,9 @@ TEST_F(ViewerTest, ASecondWindowAndAFailingMachine) {
     fs::current_path(here);
 }
 
-// A figure, not a check: run it alone, with DOPPEL_VALIDATION=0, DOPPEL_AVATAR naming an avatar and
-// --gtest_also_run_disabled_tests.
-TEST_F(ViewerTest, DISABLED_SpeedWhileDragging) {
+// What a move of the mouse asks for is on the picture of the same turn. Prints figures of speed,
+// too: of another avatar where DOPPEL_AVATAR names one.
+TEST_F(ViewerTest, EachMoveIsOnTheNextPicture) {
     ViewOptions options;
     if (const char* avatar = getenv("DOPPEL_AVATAR")) options.avatar = avatar;
     options.width = 640, options.height = 640 + Viewer::kTimelineHeight;
@@ -608,11 +656,19 @@ TEST_F(ViewerTest, DISABLED_SpeedWhileDragging) {
         screen_->press(orbits ? 2 : 1);
         turn();
         Viewer::Times sum;
-        constexpr int kFrames = 100;
+        constexpr int kFrames = 40;
         auto before = std::chrono::steady_clock::now();
-        for (int i = 0; i < kFrames; ++i) {
-            screen_->move(from.x + 30 * std::sin(0.1 * i), from.y - 60 * std::sin(0.07 * i));
+        for (int i = 1; i <= kFrames; ++i) {
+            uint64_t pictures = viewer.pictureCount();
+            double yaw = viewer.camera().yaw;
+            glm::dvec2 to = from + glm::dvec2(i % 2 ? 20 : -20, -1.5 * i);
+            screen_->move(to.x, to.y);
             viewer.frame();
+            EXPECT_EQ(viewer.pictureCount(), pictures + 1) << i;
+            if (orbits)
+                EXPECT_NE(viewer.camera().yaw, yaw) << i;
+            else
+                EXPECT_LT(glm::distance(at(joint::kLeftWrist), to), 4) << i;
             sum.pose += viewer.times().pose / kFrames;
             sum.draw += viewer.times().draw / kFrames;
             sum.show += viewer.times().show / kFrames;
@@ -624,6 +680,37 @@ TEST_F(ViewerTest, DISABLED_SpeedWhileDragging) {
                    sum.show);
         screen_->release(orbits ? 2 : 1);
         settle();
+    }
+}
+
+// The viewer's own shading of the shared visibility buffer, against the pictures of `doppel
+// render`.
+TEST_F(ViewerTest, DrawsWhatRenderDraws) {
+    Device device;
+    Avatar avatar = readAvatar(*folder_ / "avatar");
+    Motion motion = turningMotion(3);
+    Camera camera{300, 300, 128, 120, 256, 240};
+    Scene scene(device, avatar);
+    AvatarRenderer renderer(device, avatar);
+    std::vector<uint32_t> background(256 * 240, 0xff4080c0u);
+    std::vector<float> backdrop;
+    for (size_t i = 0; i < background.size(); ++i)
+        for (int byte : {0xc0, 0x80, 0x40}) backdrop.push_back(static_cast<float>(byte) / 255.0f);
+    for (size_t f = 0; f < motion.size(); ++f) {
+        scene.setPose(motion.theta[f], motion.trans[f], avatar.betas);
+        std::vector<uint32_t> drawn = scene.draw(MeshKind::Refined, camera, {}, {}, background, 2);
+        Drawing drawing = renderer.draw(motion.theta[f], motion.trans[f], camera, 2);
+        std::vector<float> rendered = composite(drawing.rgb, drawing.mask, backdrop);
+        int worst = 0, covered = 0;
+        for (size_t i = 0; i < drawn.size(); ++i) {
+            covered += drawing.mask[i] > 0;
+            for (size_t c = 0; c < 3; ++c)
+                worst = std::max(
+                    worst, std::abs(static_cast<int>(drawn[i] >> 8 * c & 0xff) -
+                                    static_cast<int>(std::lround(255 * rendered[3 * i + c]))));
+        }
+        EXPECT_GT(covered, 4000);
+        EXPECT_LE(worst, 3) << f;
     }
 }
 

@@ -28,7 +28,7 @@ void Viewer::handleKeys() {
     const ImGuiIO& io = ImGui::GetIO();
     for (const KeyPress& press : window_.keys()) {
         framesToDraw_ = 3;
-        if (io.WantTextInput) continue;
+        if (io.WantTextInput || (film_ && press.key != GLFW_KEY_ESCAPE)) continue;
         bool control = press.modifiers & (GLFW_MOD_CONTROL | GLFW_MOD_SUPER);
         bool shift = press.modifiers & GLFW_MOD_SHIFT;
         if (control) {
@@ -185,7 +185,7 @@ const Pane* Viewer::paneAt(double x, double y) const {
 
 // In window coordinates, and the depth.
 glm::dvec3 Viewer::onScreen(const glm::dvec3& world, const Pane& pane) const {
-    glm::dvec3 at = projected(world, viewOf(pane), cameraOf(pane));
+    glm::dvec3 at = projected(world, view(), cameraOf(pane));
     double scale = window_.scale();
     return {(at.x + pane.x) / scale, (at.y + pane.y) / scale, at.z};
 }
@@ -265,8 +265,7 @@ void Viewer::beginJointDrag(size_t joint) {
 
 void Viewer::dragJoint() {
     glm::dvec2 moved = (mouse_ - dragStart_) * window_.scale();
-    glm::dvec3 goal =
-        movedInPlane(dragPoint_, moved.x, moved.y, viewOf(dragPane_), cameraOf(dragPane_));
+    glm::dvec3 goal = movedInPlane(dragPoint_, moved.x, moved.y, view(), cameraOf(dragPane_));
     PosedSkeleton began = forwardKinematics(skeleton(), dragBegan_);
     std::vector<IkTarget> targets{{.joint = *selected_, .position = goal}};
     for (size_t pin : pins_)

@@ -13,7 +13,8 @@ struct OrbitCamera {
     glm::dvec3 target{0, 0, 3};
     double yaw = 0, pitch = 0, distance = 3;
     double fieldOfView = 0.66;  // of the picture's height
-    // Drawn through a lens so long that what is a metre further away is smaller by 1/600 or less.
+    // Drawn through a lens so long that what is a metre further away is smaller by 1/600, seen from
+    // three metres.
     bool orthographic = false;
 
     ViewTransform view() const;

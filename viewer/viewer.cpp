@@ -44,16 +44,16 @@ struct Viewer::FilmJob {
     Pane pane;
     int64_t next = 0, count = 0;
     double timelineBefore = 0;
-    bool asked = false;  // the texture of the next frame
-    std::vector<uint32_t> background;
+    bool asked = false;  // for the texture of the next frame
 };
 
 Viewer::Viewer(const ViewOptions& options)
     : options_(options),
+      source_(options.avatar),
+      avatar_(source_.load()),  // before a window opens for one that is not there
       window_({"Doppel", options.width, options.height, {}}),
-      device_({.name = options.common.device}),
-      source_(options.avatar) {
-    useAvatar(source_.load());
+      device_({.name = options.common.device}) {
+    useAvatar(avatar_);
     settings_.texture = bestTexture();
     if (!avatar_->textured) settings_.paint = kPaintClay;
 
@@ -89,6 +89,7 @@ void Viewer::useAvatar(std::shared_ptr<LoadedAvatar> avatar) {
 }
 
 void Viewer::reloadIfChanged() {
+    if (film_) return;  // of one person from start to end
     std::shared_ptr<LoadedAvatar> now = source_.changed();
     if (!now) return;
     bool wasTextured = avatar_->textured, hadBest = settings_.texture == bestTexture();
@@ -113,8 +114,6 @@ bool Viewer::paintsViews(TextureKind kind) const {
     return kind == TextureKind::Coarse && !avatar.textureNet.empty() &&
            !avatar.preset.texture.constantInput;
 }
-
-const std::vector<float>& Viewer::textureOf(TextureKind kind) const { return textures_.at(kind); }
 
 void Viewer::say(std::string text, bool wrong) {
     message_ = std::move(text);
@@ -305,6 +304,7 @@ void Viewer::pastePose(const fs::path& path) {
 }
 
 void Viewer::openDropped(const fs::path& path) {
+    if (film_) throwInput("{}: a film is being drawn; Escape gives it up", path.string());
     std::string extension = path.extension().string();
     std::ranges::transform(extension, extension.begin(), [](char c) {
         return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c;
@@ -363,7 +363,7 @@ void Viewer::layOut() {
     panes_ = {left, right};
 }
 
-ViewTransform Viewer::viewOf(const Pane&) const {
+ViewTransform Viewer::view() const {
     return settings_.captureCamera ? ViewTransform{} : orbit_.view();
 }
 
@@ -397,7 +397,7 @@ PosedSkeleton Viewer::posed() const { return forwardKinematics(skeleton(), edito
 glm::dvec3 Viewer::jointOnScreen(size_t joint) const {
     if (panes_.empty()) return {};
     const Pane& pane = panes_.back();
-    glm::dvec3 at = projected(posed().position[joint], viewOf(pane), cameraOf(pane));
+    glm::dvec3 at = projected(posed().position[joint], view(), cameraOf(pane));
     double scale = window_.scale();
     return {(at.x + pane.x) / scale, (at.y + pane.y) / scale, at.z};
 }
@@ -463,10 +463,10 @@ ShadeOptions Viewer::shadeOptions(const Pane& pane) const {
 }
 
 Viewer::Shown Viewer::wanted() const {
-    ViewTransform view = viewOf(panes_[0]);
+    ViewTransform from = view();
     // Finer once the mouse rests.
-    return {editor_->pose(),  editor_->betas(),     settings_, view.rotation,
-            view.translation, cameraOf(panes_[0]),  panes_,    textureVersion_,
+    return {editor_->pose(),  editor_->betas(),     settings_, from.rotation,
+            from.translation, cameraOf(panes_[0]),  panes_,    textureVersion_,
             backdropVersion_, interacting() ? 1 : 2};
 }
 
@@ -495,9 +495,9 @@ void Viewer::updatePictures() {
     before = Clock::now();
     for (size_t i = 0; i < panes_.size(); ++i) {
         const Pane& pane = panes_[i];
-        if (loaded != pane.texture) scene_->setTexture(textureOf(pane.texture));
+        if (loaded != pane.texture) scene_->setTexture(textures_.at(pane.texture));
         loaded = pane.texture;
-        pixels_[i] = scene_->draw(pane.mesh, cameraOf(pane), viewOf(pane), shadeOptions(pane),
+        pixels_[i] = scene_->draw(pane.mesh, cameraOf(pane), view(), shadeOptions(pane),
                                   backgroundOf(pane), now.samples);
     }
     times_.draw = milliseconds(Clock::now() - before);
@@ -523,7 +523,7 @@ void Viewer::updateTextures() {
         if (!paintsViews(pane.texture) || settings_.paint != kPaintTexture) continue;
         auto painted = painted_.find(pane.texture);
         if (painted != painted_.end() && painted->second == viewVersion_) continue;
-        painter_->ask(pane.texture, scene_->vertices(pane.mesh, viewOf(pane)), viewVersion_);
+        painter_->ask(pane.texture, scene_->vertices(pane.mesh, view()), viewVersion_);
         return;
     }
 }
@@ -551,21 +551,16 @@ void Viewer::savePoses(const fs::path& path) {
 }
 
 void Viewer::saveScreenshot(const fs::path& path) {
-    if (panes_.empty() || !shown_) throwInput("there is no picture to save");
-    int width = 0;
-    for (const Pane& pane : panes_) width += pane.width;
-    Image image(width, panes_[0].height, 3);
-    for (size_t i = 0; i < panes_.size(); ++i) {
-        const Pane& pane = panes_[i];
-        for (int y = 0; y < pane.height; ++y)
-            for (int x = 0; x < pane.width; ++x) {
-                uint32_t word =
-                    pixels_[i][static_cast<size_t>(y) * static_cast<size_t>(pane.width) +
-                               static_cast<size_t>(x)];
-                uint8_t* rgb = image.pixel(pane.x + x, y);
+    if (!shown_) throwInput("there is no picture to save");
+    const std::vector<Pane>& panes = shown_->panes;
+    Image image(panes.back().x + panes.back().width, panes[0].height, 3);
+    for (size_t i = 0; i < panes.size(); ++i) {
+        const uint32_t* word = pixels_[i].data();
+        for (int y = 0; y < panes[i].height; ++y)
+            for (int x = 0; x < panes[i].width; ++x, ++word)
                 for (int c = 0; c < 3; ++c)
-                    rgb[window_.blueFirst() ? 2 - c : c] = static_cast<uint8_t>(word >> 8 * c);
-            }
+                    image.pixel(panes[i].x + x, y)[window_.blueFirst() ? 2 - c : c] =
+                        static_cast<uint8_t>(*word >> 8 * c);
     }
     writeImage(path, image);
     say(fmt::format("picture in {}", path.string()));
@@ -580,15 +575,11 @@ void Viewer::startFilm(const fs::path& out, int size) {
         pane.width = std::max(16, static_cast<int>(pane.width * scale));
         pane.height = std::max(16, static_cast<int>(pane.height * scale));
     }
-    film_ =
-        std::unique_ptr<FilmJob>(new FilmJob{out,
-                                             PictureSequence(out, pane.width, pane.height, fps()),
-                                             pane,
-                                             0,
-                                             frameCount(),
-                                             timeline_,
-                                             false,
-                                             {}});
+    film_ = std::unique_ptr<FilmJob>(new FilmJob{.out = out,
+                                                 .pictures = {out, pane.width, pane.height, fps()},
+                                                 .pane = pane,
+                                                 .count = frameCount(),
+                                                 .timelineBefore = timeline_});
     playing_ = false;
 }
 
@@ -642,24 +633,22 @@ void Viewer::advanceFilm() {
         if (frameCount() > 1) showTime();
         Pose pose = editor_->pose();
         scene_->setPose(thetaOf(pose), transOf(pose), editor_->betas());
-        uint64_t version = viewVersion_;
         if (paintsViews(film.pane.texture) && settings_.paint == kPaintTexture) {
             if (!film.asked) {
                 if (painter_->busy()) return;
-                version = ++viewVersion_;
-                painter_->ask(film.pane.texture,
-                              scene_->vertices(film.pane.mesh, viewOf(film.pane)), version);
+                painter_->ask(film.pane.texture, scene_->vertices(film.pane.mesh, view()),
+                              ++viewVersion_);
                 film.asked = true;
             }
             if (painted_[film.pane.texture] != viewVersion_) return;  // not yet
         }
         film.asked = false;
-        scene_->setTexture(textureOf(film.pane.texture));
+        scene_->setTexture(textures_.at(film.pane.texture));
         std::span<const uint32_t> background = backgroundOf(film.pane);
         ShadeOptions shade = shadeOptions(film.pane);
         shade.blueFirst = false;
-        const std::vector<uint32_t>& pixels = scene_->draw(film.pane.mesh, cameraOf(film.pane),
-                                                           viewOf(film.pane), shade, background, 2);
+        const std::vector<uint32_t>& pixels =
+            scene_->draw(film.pane.mesh, cameraOf(film.pane), view(), shade, background, 2);
         Image image(film.pane.width, film.pane.height, 3);
         for (size_t i = 0; i < pixels.size(); ++i)
             for (size_t c = 0; c < 3; ++c)

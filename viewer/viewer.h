@@ -65,11 +65,11 @@ public:
     ~Viewer();
 
     // One turn: events in, picture out; waits for events where there is nothing to do. False once
-    // the window is closed. Mistakes of the user are shown in the window; MachineErrors are thrown.
+    // the window is closed. Mistakes of the user, and files
+    // that cannot be written, are said in the window; a device that fails is a MachineError.
     bool frame();
     // Until the window is closed. Where the machine fails the pose is saved, and the message says
-    // where.
-    // each: called before every turn.
+    // where. each: called before every turn.
     void run(const std::function<void()>& each = {});
 
     const Window& window() const { return window_; }
@@ -135,10 +135,9 @@ private:
     void updatePictures();
     bool messageVisible() const;
     void updateTextures();
-    const std::vector<float>& textureOf(TextureKind kind) const;
     TextureKind bestTexture() const;
     bool paintsViews(TextureKind kind) const;
-    ViewTransform viewOf(const Pane& pane) const;
+    ViewTransform view() const;
     Camera cameraOf(const Pane& pane) const;
     std::span<const uint32_t> backgroundOf(const Pane& pane);
     void advanceJobs();
@@ -186,10 +185,10 @@ private:
     void drawFilesTab();
 
     ViewOptions options_;
-    Window window_;
-    Device device_;
     LiveAvatar source_;
     std::shared_ptr<LoadedAvatar> avatar_;
+    Window window_;
+    Device device_;
     std::unique_ptr<Scene> scene_;
     std::unique_ptr<Painter> painter_;
     std::unique_ptr<PoseEditor> editor_;

@@ -12,6 +12,7 @@
 
 #include "engine/atomic_file.h"
 #include "engine/error.h"
+#include "engine/printable.h"
 
 namespace doppel {
 
@@ -148,14 +149,6 @@ struct PickleGraph {
 };
 
 namespace {
-
-std::string printable(std::string_view text, size_t limit = 100) {
-    std::string result;
-    for (const char c : text.substr(0, limit)) {
-        result += static_cast<unsigned char>(c) < 32 || c == 127 ? '?' : c;
-    }
-    return result;
-}
 
 const char* kindName(const Node& node) {
     switch (node.kind) {

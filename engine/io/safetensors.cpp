@@ -12,6 +12,7 @@
 
 #include "engine/atomic_file.h"
 #include "engine/error.h"
+#include "engine/printable.h"
 
 namespace doppel {
 namespace {
@@ -20,14 +21,6 @@ using Json = nlohmann::json;
 
 constexpr uint64_t kMaxHeader = 100'000'000;  // as the format's own library has it
 constexpr uint64_t kMaxFile = uint64_t{64} << 30;
-
-std::string printable(std::string_view text) {
-    std::string result;
-    for (const char c : text.substr(0, 100)) {
-        result += static_cast<unsigned char>(c) < 32 || c == 127 ? '?' : c;
-    }
-    return result;
-}
 
 std::string shapeText(std::span<const int64_t> shape) {
     return fmt::format("[{}]", fmt::join(shape, ", "));

@@ -10,6 +10,7 @@
 #include "engine/atomic_file.h"
 #include "engine/error.h"
 #include "engine/io/pickle.h"
+#include "engine/printable.h"
 #include "engine/zip.h"
 
 namespace doppel {
@@ -156,7 +157,7 @@ Safetensors collect(const PickleValue& root, Storages& storages, const std::stri
     result.file = file;
     const PickleValue dict = stateDict(root);
     for (const std::string& key : dict.keys()) {
-        const std::string where = fmt::format("{}: {}", file, printableName(key));
+        const std::string where = fmt::format("{}: {}", file, printable(key));
         const std::optional<TorchTensor> tensor = dict.at(key).asTorchTensor();
         if (!tensor) continue;
         const StorageType& type = typeOf(*tensor, where);
@@ -203,7 +204,7 @@ Safetensors fromZip(std::span<const uint8_t> file, const std::string& name) {
         [&](const std::string& key, uint64_t bytes, const std::string& where) {
             const auto entry = entries.find(prefix + "data/" + key);
             if (entry == entries.end()) {
-                throwInput("{}: its storage {} is missing in the file", where, printableName(key));
+                throwInput("{}: its storage {} is missing in the file", where, printable(key));
             }
             if (entry->second.size != bytes) {
                 throwInput("{}: expected {} bytes in its storage, found {}", where, bytes,
@@ -268,7 +269,7 @@ Safetensors fromStream(std::span<const uint8_t> file, const std::string& name) {
         [&](const std::string& key, uint64_t bytes, const std::string& where) {
             const auto found = data.find(key);
             if (found == data.end() || found->second.size() != bytes) {
-                throwInput("{}: its storage {} is missing in the file", where, printableName(key));
+                throwInput("{}: its storage {} is missing in the file", where, printable(key));
             }
             return std::vector<uint8_t>(found->second.begin(), found->second.end());
         },

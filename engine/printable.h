@@ -1,0 +1,12 @@
+#pragma once
+#include <cstddef>
+#include <string>
+#include <string_view>
+
+namespace doppel {
+
+// Text out of a stranger's file, for an error: nothing in it may reach a terminal raw, so control
+// characters become '?'. Longer text is cut to `limit` bytes and ends in "…".
+std::string printable(std::string_view text, size_t limit = 100);
+
+}  // namespace doppel
