@@ -144,7 +144,7 @@ ENTRY(forward_small) {
 ENTRY(forward_large) {
     uint count = large.d[0];
     for (uint i = gl_WorkGroupID.x; i < count; i += gl_NumWorkGroups.x) {
-        SoftFace f = loadFace(large.d[1 + i]);
+        SoftFace f = loadFace(faceInList(large.d[1 + i], params.faces));
         uint columns = uint(f.box.x1 - f.box.x0 + 1);
         for (uint k = gl_LocalInvocationID.x; k < f.box.count; k += gl_WorkGroupSize.x)
             accumulate(f, f.box.x0 + int(k % columns), f.box.y0 + int(k / columns));
@@ -213,7 +213,7 @@ ENTRY(backward_small) {
 ENTRY(backward_large) {
     uint count = large.d[0], lane = gl_LocalInvocationID.x, lanes = gl_WorkGroupSize.x;
     for (uint i = gl_WorkGroupID.x; i < count; i += gl_NumWorkGroups.x) {
-        uint face = large.d[1 + i];
+        uint face = faceInList(large.d[1 + i], params.faces);
         SoftFace f = loadFace(face);
         uint columns = uint(f.box.x1 - f.box.x0 + 1);
         CornerGradients g = CornerGradients(vec2(0), vec2(0), vec2(0));

@@ -62,3 +62,8 @@ vec3 edgeFunctions(Triangle t, vec2 p) {
     vec2 a = t.a - p, b = t.b - p, c = t.c - p;
     return vec3(edgeFunction(b, c), edgeFunction(c, a), edgeFunction(a, b));
 }
+
+// The number of a large face, out of their list. Lavapipe (Mesa 26 with LLVM 22) walks once through
+// the body of a loop that no lane enters, and does not mask loads whose address all lanes share: a
+// number from behind the list's end must not become an address.
+uint faceInList(uint number, uint faces) { return min(number, max(faces, 1) - 1); }

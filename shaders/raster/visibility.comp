@@ -74,7 +74,7 @@ ENTRY(small) {
 ENTRY(large) {
     uint count = large.d[0];
     for (uint i = gl_WorkGroupID.x; i < count; i += gl_NumWorkGroups.x) {
-        uint face = large.d[1 + i];
+        uint face = faceInList(large.d[1 + i], params.faces);
         Triangle t = loadFace(face);
         PixelBox box = pixelBox(t, 0, params.width, params.height);
         uint columns = uint(box.x1 - box.x0 + 1);

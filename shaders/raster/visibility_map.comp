@@ -61,7 +61,7 @@ ENTRY(small) {
 ENTRY(large) {
     uint count = large.d[0];
     for (uint i = gl_WorkGroupID.x; i < count; i += gl_NumWorkGroups.x) {
-        Triangle t = loadFace(large.d[1 + i]);
+        Triangle t = loadFace(faceInList(large.d[1 + i], params.faces));
         PixelBox box = pixelBox(t, 0, params.size, params.size);
         uint columns = uint(box.x1 - box.x0 + 1);
         for (uint k = gl_LocalInvocationID.x; k < box.count; k += gl_WorkGroupSize.x)
