@@ -56,7 +56,7 @@ TypeName typeName(VkPhysicalDeviceType type) {
     }
 }
 
-DeviceInfo describe(VkPhysicalDevice physical, uint32_t index) {
+DeviceInfo describe(VkInstance instance, VkPhysicalDevice physical, uint32_t index) {
     DeviceInfo info;
     info.index = index;
 
@@ -98,7 +98,9 @@ DeviceInfo describe(VkPhysicalDevice physical, uint32_t index) {
     vkGetPhysicalDeviceFeatures2(physical, &features);
     info.addresses = features12.bufferDeviceAddress;
     info.int64 = features.features.shaderInt64;
-    info.cooperativeMatrix = hasExtension(physical, "VK_KHR_cooperative_matrix");
+    if (std::ranges::all_of(MatrixFeatures::kExtensions,
+                            [&](const char* name) { return hasExtension(physical, name); }))
+        info.halfMatrices = halfMatrixShape(instance, physical);
 
     VkPhysicalDeviceMemoryProperties memory;
     vkGetPhysicalDeviceMemoryProperties(physical, &memory);
@@ -130,11 +132,17 @@ bool matches(const DeviceInfo& info, const std::string& wanted) {
 
 }  // namespace
 
+Precision precisionNamed(std::string_view name) {
+    if (name == "fp32") return Precision::Single;
+    if (name == "mixed") return Precision::Mixed;
+    throwInput("--precision: expected fp32 or mixed, found \"{}\"", name);
+}
+
 std::vector<DeviceInfo> Device::list() {
     VkInstance instance = createInstance(false);
     std::vector<DeviceInfo> infos;
     for (VkPhysicalDevice physical : physicalDevices(instance))
-        infos.push_back(describe(physical, static_cast<uint32_t>(infos.size())));
+        infos.push_back(describe(instance, physical, static_cast<uint32_t>(infos.size())));
     destroyInstance(instance, VK_NULL_HANDLE);
     return infos;
 }
@@ -148,7 +156,7 @@ Device::Device(DeviceOptions options) {
         std::vector<VkPhysicalDevice> physicals = physicalDevices(instance_);
         std::string reasons;
         for (uint32_t i = 0; i < physicals.size(); ++i) {
-            DeviceInfo info = describe(physicals[i], i);
+            DeviceInfo info = describe(instance_, physicals[i], i);
             std::string refusal;
             for (const std::string& reason : info.refusals)
                 refusal += (refusal.empty() ? "" : ", ") + reason;
@@ -169,6 +177,8 @@ Device::Device(DeviceOptions options) {
                                                 : Binding::Addresses);
         if (!info_.addresses) binding_ = Binding::Descriptors;
         bool addresses = binding_ == Binding::Addresses;
+        precision_ = options.precision;
+        if (precision_ == Precision::Mixed && addresses) matrixUnits_ = info_.halfMatrices;
 
         float priority = 1;
         VkDeviceQueueCreateInfo queueInfo{VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO};
@@ -181,6 +191,12 @@ Device::Device(DeviceOptions options) {
         features12.bufferDeviceAddress = addresses ? VK_TRUE : VK_FALSE;
         VkDeviceCreateInfo deviceInfo{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO};
         deviceInfo.pNext = &features12;
+        MatrixFeatures matrixFeatures;
+        if (matrixUnits_) {
+            deviceInfo.pNext = matrixFeatures.chain(features12);
+            deviceInfo.enabledExtensionCount = uint32_t{MatrixFeatures::kExtensions.size()};
+            deviceInfo.ppEnabledExtensionNames = MatrixFeatures::kExtensions.data();
+        }
         VkPhysicalDeviceFeatures features{};
         features.shaderInt64 = VK_TRUE;
         deviceInfo.pEnabledFeatures = &features;

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "engine/buffer.h"
+#include "engine/cooperative_matrix.h"
 #include "engine/kernel.h"
 #include "engine/vulkan.h"
 
@@ -20,10 +21,18 @@ namespace doppel {
 // How shaders reach buffers; see shaders/common/op.glsl.
 enum class Binding { Addresses, Descriptors };
 
+// How products of matrices are made (convolutions, linear layers, graph convolutions). Mixed: their
+// inputs are rounded to halves, and summed in single precision, on matrix units where the device
+// has them. All else, parameters and optimisers among it, is in single precision always.
+enum class Precision { Single, Mixed };
+// Of "fp32" and "mixed", as programs take it from their command lines; InputError on anything else.
+Precision precisionNamed(std::string_view name);
+
 struct DeviceOptions {
     std::string name;  // part of a device's name, or its index in the list; empty: the best one
     // Unset: addresses where the device has them; DOPPEL_BINDING=descriptors asks for the other.
     std::optional<Binding> binding;
+    Precision precision = Precision::Single;
     // Validation layer with synchronisation validation; a message is kept and fails tests.
     // DOPPEL_VALIDATION=1 switches it on.
     bool validation = false;
@@ -38,9 +47,10 @@ struct DeviceInfo {
     uint64_t maxStorageBufferBytes = 0;  // per descriptor
     uint32_t maxPushConstantBytes = 0;
     uint32_t subgroupSize = 0;
-    bool addresses = false, timestamps = false, cooperativeMatrix = false;
-    bool cpu = false;    // lanes of a subgroup are a CPU's vector: loads are gathers
-    bool int64 = false;  // integers of 64 bits in shaders
+    bool addresses = false, timestamps = false;
+    std::optional<MatrixShape> halfMatrices;  // what a subgroup multiplies at once
+    bool cpu = false;                   // lanes of a subgroup are a CPU's vector: loads are gathers
+    bool int64 = false;                 // integers of 64 bits in shaders
     std::vector<std::string> refusals;  // why it cannot be used; empty: it can
     int score = 0;                      // the best usable device has the highest
 };
@@ -57,6 +67,9 @@ public:
 
     const DeviceInfo& info() const { return info_; }
     Binding binding() const { return binding_; }
+    Precision precision() const { return precision_; }
+    // The shape of products on matrix units, where precision and binding are those that use them.
+    std::optional<MatrixShape> matrixUnits() const { return matrixUnits_; }
     VkDevice handle() const { return device_; }
     double timestampPeriodNanoseconds() const { return timestampPeriod_; }
 
@@ -96,6 +109,8 @@ private:
     VkPhysicalDeviceMemoryProperties memory_{};
     DeviceInfo info_;
     Binding binding_ = Binding::Addresses;
+    Precision precision_ = Precision::Single;
+    std::optional<MatrixShape> matrixUnits_;
     double timestampPeriod_ = 1;
     std::map<std::pair<std::string, Specialisation>, std::unique_ptr<Kernel>, std::less<>> kernels_;
 };

@@ -4,6 +4,8 @@
 #include <set>
 #include <string_view>
 
+#include "engine/cooperative_matrix.h"
+
 namespace doppel {
 
 namespace {
@@ -118,6 +120,12 @@ Kernel::Kernel(VkDevice device, VkPipelineCache cache, const ShaderTableRow& row
                                    values.size() * 4, values.data()};
 
     SpirvRange code = descriptors ? row.descriptors : row.addresses;
+    std::vector<uint32_t> completed;
+    bool matrices = usesCooperativeMatrices(code);
+    if (matrices) {
+        completed = completeMatrixTypes(code);
+        code = {completed.data(), completed.data() + completed.size()};
+    }
     VkShaderModuleCreateInfo moduleInfo{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
     moduleInfo.codeSize = static_cast<size_t>(code.end - code.begin) * 4;
     moduleInfo.pCode = code.begin;
@@ -132,6 +140,8 @@ Kernel::Kernel(VkDevice device, VkPipelineCache cache, const ShaderTableRow& row
                   module,
                   "main",
                   &constants};
+    // The whole subgroup makes a cooperative matrix.
+    if (matrices) info.stage.flags = VK_PIPELINE_SHADER_STAGE_CREATE_REQUIRE_FULL_SUBGROUPS_BIT_EXT;
     info.layout = layout_;
     VkResult result = vkCreateComputePipelines(device_, cache, 1, &info, nullptr, &pipeline_);
     vkDestroyShaderModule(device_, module, nullptr);

@@ -89,9 +89,9 @@ void reorderMaps(Graph& graph, const char* kernel, const Windows& w, const Tenso
 
 // ---- one feature, stride 1 ----------------------------------------------------------------------
 // What a window sees of many channels is many times its one result. So the roles are exchanged:
-// each place of the kernel is multiplied with all pixels, [kernel, channels] [channels, pixels], and
-// a window sums what lies at its places; for the gradients, columns are made of the one map. Turned,
-// a kernel over the image is one over the map.
+// each place of the kernel is multiplied with all pixels, [kernel, channels] [channels, pixels],
+// and a window sums what lies at its places; for the gradients, columns are made of the one map.
+// Turned, a kernel over the image is one over the map.
 
 bool hasOneFeature(const Windows& w) {
     return w.features == 1 && w.stride == 1 && w.channels >= 8 && w.kernelH == w.kernelW &&
@@ -104,6 +104,7 @@ Windows turnedWindows(const Windows& w) {
     std::swap(t.channels, t.features);
     std::swap(t.height, t.outHeight);
     std::swap(t.width, t.outWidth);
+    std::swap(t.largestImage, t.largestMaps);
     t.padding = w.kernelH - 1 - w.padding;
     return t;
 }
@@ -119,7 +120,8 @@ void oneFeatureMaps(Graph& graph, const Windows& w, const Tensor& image, const T
               .n = w.pixels(),
               .k = w.channels,
               .transA = true,
-              .startB = n * w.channels * w.pixels()});
+              .startB = n * w.channels * w.pixels(),
+              .largestB = w.largestImage});
         ImageParams params{.channels = 1,
                            .height = u32(t.height),
                            .width = u32(t.width),
@@ -154,7 +156,8 @@ void oneFeatureImage(Graph& graph, const Windows& w, const Tensor& maps, const T
               .panelsB = true,
               .startC = n * w.channels * w.pixels(),
               .bias = bias,
-              .biasPerRow = true});
+              .biasPerRow = true,
+              .largestB = w.largestMaps});
     }
 }
 
@@ -169,7 +172,9 @@ void oneFeatureWeights(Graph& graph, const Windows& w, const Tensor& image, cons
               .k = w.pixels(),
               .panelsB = true,
               .accumulate = n > 0,
-              .startA = n * w.channels * w.pixels()});
+              .startA = n * w.channels * w.pixels(),
+              .largestA = w.largestImage,
+              .largestB = w.largestMaps});
     }
 }
 
@@ -220,7 +225,12 @@ void gatherProduct(Graph& graph, const Windows& w, const Tensor& image, const Te
     if (hasOneFeature(w)) return oneFeatureMaps(graph, w, image, weight, bias, maps);
     if (winogradPays(w)) return winogradGather(graph, w, image, weight, bias, maps);
     int64_t atOnce = imagesAtOnce(w), part = windowsAtOnce(w);
-    Gemm product{.m = w.features, .k = w.rows(), .panelsB = true, .bias = bias, .biasPerRow = true};
+    Gemm product{.m = w.features,
+                 .k = w.rows(),
+                 .panelsB = true,
+                 .bias = bias,
+                 .biasPerRow = true,
+                 .largestB = w.largestImage};
     for (int64_t n = 0; n < w.images; n += atOnce) {
         int64_t images = std::min(atOnce, w.images - n);
         if (images > 1) {
@@ -248,7 +258,11 @@ void weightProduct(Graph& graph, const Windows& w, const Tensor& image, const Te
     if (hasOneFeature(w)) return oneFeatureWeights(graph, w, image, maps, dweight);
     if (winogradPays(w)) return winogradWeights(graph, w, image, maps, dweight);
     int64_t atOnce = imagesAtOnce(w), part = windowsAtOnce(w);
-    Gemm product{.m = w.features, .n = w.rows(), .panelsB = true};
+    Gemm product{.m = w.features,
+                 .n = w.rows(),
+                 .panelsB = true,
+                 .largestA = w.largestMaps,
+                 .largestB = w.largestImage};
     for (int64_t n = 0; n < w.images; n += atOnce) {
         int64_t images = std::min(atOnce, w.images - n);
         if (images > 1) {
@@ -277,8 +291,7 @@ void sumProduct(Graph& graph, const Windows& w, const Tensor& maps, const Tensor
                 const Tensor& bias, const Tensor& image) {
     if (hasOneFeature(w)) return oneFeatureImage(graph, w, maps, weight, bias, image);
     if (winogradPays(w)) return winogradSum(graph, w, maps, weight, bias, image);
-    if (fewChannelsAtOnce(graph, w) > 0)
-        return fewChannelsSum(graph, w, maps, weight, bias, image);
+    if (fewChannelsAtOnce(graph, w) > 0) return fewChannelsSum(graph, w, maps, weight, bias, image);
     int64_t atOnce = imagesAtOnce(w), kernel = w.kernelH * w.kernelW;
     int64_t part = std::clamp<int64_t>(kColumnsElements / (kernel * w.windows()), 1, w.channels);
     if (atOnce > 1) part = w.channels;
@@ -299,7 +312,8 @@ void sumProduct(Graph& graph, const Windows& w, const Tensor& maps, const Tensor
                   .transA = true,
                   .lda = w.rows(),
                   .startA = channel * kernel,
-                  .startB = images > 1 ? 0 : n * w.features * w.windows()});
+                  .startB = images > 1 ? 0 : n * w.features * w.windows(),
+                  .largestB = w.largestMaps});
             ImageParams params{.channels = u32(channels),
                                .height = u32(w.height),
                                .width = u32(w.width),
@@ -359,10 +373,13 @@ Tensor conv2d(Graph& graph, const Tensor& x, const Tensor& weight, const Tensor&
     gatherProduct(graph, w, x, weight, bias, y);
     graph.differentiate({x, weight, bias}, {y}, [=, &graph] {
         Tensor dy = graph.gradient(y);
+        Windows back = w;
+        back.largestMaps = largestMagnitude(graph, dy);
         if (graph.wantsGradient(weight))
-            weightProduct(graph, w, x, dy, graph.gradientTarget(weight));
+            weightProduct(graph, back, x, dy, graph.gradientTarget(weight));
         if (graph.wantsGradient(bias)) biasGradient(graph, dy, graph.gradientTarget(bias));
-        if (graph.wantsGradient(x)) sumProduct(graph, w, dy, weight, {}, graph.gradientTarget(x));
+        if (graph.wantsGradient(x))
+            sumProduct(graph, back, dy, weight, {}, graph.gradientTarget(x));
     });
     return y;
 }
@@ -389,11 +406,13 @@ Tensor convTranspose2d(Graph& graph, const Tensor& x, const Tensor& weight, cons
     sumProduct(graph, w, x, weight, bias, y);
     graph.differentiate({x, weight, bias}, {y}, [=, &graph] {
         Tensor dy = graph.gradient(y);
+        Windows back = w;
+        back.largestImage = largestMagnitude(graph, dy);
         if (graph.wantsGradient(weight))
-            weightProduct(graph, w, dy, x, graph.gradientTarget(weight));
+            weightProduct(graph, back, dy, x, graph.gradientTarget(weight));
         if (graph.wantsGradient(bias)) biasGradient(graph, dy, graph.gradientTarget(bias));
         if (graph.wantsGradient(x))
-            gatherProduct(graph, w, dy, weight, {}, graph.gradientTarget(x));
+            gatherProduct(graph, back, dy, weight, {}, graph.gradientTarget(x));
     });
     return y;
 }
@@ -430,18 +449,17 @@ Tensor batchNorm(Graph& graph, const Tensor& x, const Tensor& weight, const Tens
     if (whole && training) {
         Specialisation spec = byChannel;
         spec["kRunning"] = running.mean ? 1 : 0;
-        graph.dispatchGroups(
-            pairs ? "conv/batch_norm_channel_pairs.forward"
-                  : "conv/batch_norm_channel_pixels.forward",
-            {{"x", x},
-             {"y", y},
-             {"mean", mean},
-             {"deviation", deviation},
-             {"weight", weight},
-             {"bias", bias},
-             {"runningMean", running.mean ? running.mean : graph.none()},
-             {"runningVariance", running.mean ? running.variance : graph.none()}},
-            params, {u32(C), 1, 1}, spec);
+        graph.dispatchGroups(pairs ? "conv/batch_norm_channel_pairs.forward"
+                                   : "conv/batch_norm_channel_pixels.forward",
+                             {{"x", x},
+                              {"y", y},
+                              {"mean", mean},
+                              {"deviation", deviation},
+                              {"weight", weight},
+                              {"bias", bias},
+                              {"runningMean", running.mean ? running.mean : graph.none()},
+                              {"runningVariance", running.mean ? running.variance : graph.none()}},
+                             params, {u32(C), 1, 1}, spec);
     } else if (training) {
         Tensor partial = graph.temporary({C, threads});
         uint32_t update = running.mean ? 1 : 0;

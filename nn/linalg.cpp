@@ -17,14 +17,23 @@ uint32_t u32(int64_t value) {
 
 int64_t ceilDiv(int64_t a, int64_t b) { return (a + b - 1) / b; }
 
+// Panels of halves have a multiple of so many steps of k, and are zero behind k: a side of any
+// device's matrices, and of gemm.glsl's loop.
+constexpr int64_t kHalfSteps = std::max<int64_t>(kMatrixTile, kGemmUnroll);
+int64_t halfPanelSteps(int64_t k) { return ceilDiv(k, kHalfSteps) * kHalfSteps; }
+
 // How a product is spread over workgroups.
 struct Plan {
     uint32_t lanes = 32, rows = 8, pairs = 2;
     bool onCpu = false;
     bool panelsA = false, panelsB = false;  // packed first
+    std::optional<MatrixShape> matrices;    // on matrix units
+    bool halves = false;                    // panels are of halves
     int64_t parts = 1, kPart = 0;
 
-    int64_t columns() const { return int64_t{2} * pairs * lanes; }
+    int64_t columns() const {
+        return matrices ? kMatrixFragments * matrices->n : int64_t{2} * pairs * lanes;
+    }
 };
 
 bool runsOnCpu(const Device& device) {
@@ -38,7 +47,9 @@ bool runsOnCpu(const Device& device) {
 Plan plan(const Device& device, const Gemm& g) {
     const GemmTuning& tuning = gemmTuning(device);
     Plan p;
-    p.onCpu = runsOnCpu(device);
+    p.matrices = device.matrixUnits();
+    p.halves = device.precision() == Precision::Mixed;
+    p.onCpu = runsOnCpu(device) && !p.matrices;
     p.rows = u32(gemmPanelRows(device, g.m));
     if (!p.onCpu) p.pairs = tuning.pairs;
     if (p.onCpu) {
@@ -49,15 +60,20 @@ Plan plan(const Device& device, const Gemm& g) {
         p.panelsA = !g.panelsA && worth(g.n, g.lda);
         p.panelsB = !g.panelsB && worth(g.m, g.ldb);
     }
-    if (g.panelsB)
+    if (p.halves) p.panelsA = p.panelsB = true;
+    if (p.matrices)
+        p.lanes = device.info().subgroupSize;
+    else if (g.panelsB)
         p.pairs = u32(gemmPanelWidth(device, g.n) / 2 / p.lanes);
     else if (g.n <= 2 * p.lanes)
         p.pairs = 1;
     // Long sums with few results are cut into parts, so that there is work for all cores.
     int64_t tiles = ceilDiv(g.m, p.rows) * ceilDiv(g.n, p.columns()) * g.batch;
-    p.parts = std::max<int64_t>(
-        1, std::min(ceilDiv(tuning.tiles, tiles), g.k / tuning.shortestPart));
-    p.kPart = std::max<int64_t>(kGemmUnroll, gemmPanelSteps(ceilDiv(g.k, p.parts)));
+    p.parts =
+        std::max<int64_t>(1, std::min(ceilDiv(tuning.tiles, tiles), g.k / tuning.shortestPart));
+    int64_t kPart = ceilDiv(g.k, p.parts);
+    p.kPart = p.halves ? std::max(kHalfSteps, halfPanelSteps(kPart))
+                       : std::max<int64_t>(kGemmUnroll, gemmPanelSteps(kPart));
     p.parts = std::max<int64_t>(1, ceilDiv(g.k, p.kPart));
     return p;
 }
@@ -67,9 +83,11 @@ struct Source {
     Tensor tensor;
     int64_t start, batch, strideMatrix, count, strideItem, strideStep;
 };
-Tensor pack(Graph& graph, const Source& s, int64_t steps, int64_t stepsInPanel, uint32_t width) {
+// halves: rounded, two to an element, and, with largest, scaled.
+Tensor pack(Graph& graph, const Source& s, int64_t steps, int64_t stepsInPanel, uint32_t width,
+            bool halves = false, const Tensor& largest = {}) {
     int64_t panels = ceilDiv(s.count, width);
-    Tensor packed = graph.temporary({s.batch, panels, stepsInPanel, width});
+    Tensor packed = graph.temporary({s.batch, panels, stepsInPanel, halves ? width / 2 : width});
     PanelsParams params{.count = u32(s.count),
                         .steps = u32(steps),
                         .stepsInPanel = u32(stepsInPanel),
@@ -85,10 +103,15 @@ Tensor pack(Graph& graph, const Source& s, int64_t steps, int64_t stepsInPanel, 
     if (s.strideItem == 1 && even({s.start, s.strideMatrix, s.strideStep, s.count})) pairs = 1;
     if (s.strideStep == 1 && even({s.start, s.strideMatrix, s.strideItem, steps})) pairs = 2;
     int64_t invocations = ceilDiv(stepsInPanel, 4) * (width / 2);
-    graph.dispatchGroups("linalg/panels.pack",
-                         {{"matrix", s.tensor}, {"pairs", s.tensor}, {"packed", packed}}, params,
-                         {u32(ceilDiv(invocations, 64)), u32(panels), u32(s.batch)},
-                         {{"kWidth", width}, {"kPairs", pairs}});
+    graph.dispatchGroups(
+        "linalg/panels.pack",
+        {{"matrix", s.tensor},
+         {"pairs", s.tensor},
+         {"packed", packed},
+         {"halves", packed},
+         {"largest", largest ? largest : graph.none()}},
+        params, {u32(ceilDiv(invocations, 64)), u32(panels), u32(s.batch)},
+        {{"kWidth", width}, {"kPairs", pairs}, {"kHalves", halves}, {"kScaled", bool(largest)}});
     return packed;
 }
 
@@ -101,11 +124,12 @@ uint32_t vectorLanes(const Device& device) {
 int64_t gemmPanelSteps(int64_t k) { return ceilDiv(k, kGemmUnroll) * kGemmUnroll; }
 
 int64_t gemmPanelRows(const Device& device, int64_t m) {
+    if (auto matrices = device.matrixUnits()) return kMatrixFragments * matrices->m;
     const GemmTuning& tuning = gemmTuning(device);
     if (!runsOnCpu(device)) return tuning.rows;
     // A tile may reach over the last row.
-    const std::pair<int64_t, double> rowCosts[] = {{32, 1.0}, {16, tuning.cost16},
-                                                   {8, tuning.cost8}};
+    const std::pair<int64_t, double> rowCosts[] = {
+        {32, 1.0}, {16, tuning.cost16}, {8, tuning.cost8}};
     double best = 0;
     int64_t chosen = 0;
     for (auto [rows, cost] : rowCosts) {
@@ -119,6 +143,7 @@ int64_t gemmPanelRows(const Device& device, int64_t m) {
 }
 
 int64_t gemmPanelWidth(const Device& device, int64_t n) {
+    if (auto matrices = device.matrixUnits()) return kMatrixFragments * matrices->n;
     bool onCpu = runsOnCpu(device);
     int64_t lanes = onCpu ? device.info().subgroupSize : 32;
     return n <= 2 * lanes ? 2 * lanes : 2 * lanes * (onCpu ? 2 : gemmTuning(device).pairs);
@@ -165,12 +190,15 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
     uint32_t layoutB = g.transB ? kGemmTransposed : g.panelsB ? kGemmPanels : kGemmRows;
     if (g.panelsA) g.lda = gemmPanelSteps(g.k) * p.rows;
     if (g.panelsB) g.ldb = g.k * p.columns();
+    int64_t stepsA = p.halves ? halfPanelSteps(g.k) : gemmPanelSteps(g.k);
+    int64_t stepsB = p.halves ? stepsA : g.k;
     if (p.panelsA && g.k > 0) {
-        int64_t matrices = g.strideA == 0 ? 1 : g.batch, steps = gemmPanelSteps(g.k);
-        left = pack(
-            graph,
-            {a, g.startA, matrices, g.strideA, g.m, g.transA ? 1 : g.lda, g.transA ? g.lda : 1},
-            g.k, steps, p.rows);
+        int64_t matrices = g.strideA == 0 ? 1 : g.batch, steps = stepsA;
+        Source source{
+            a, g.startA, matrices, g.strideA, g.m, g.transA ? 1 : g.lda, g.transA ? g.lda : 1};
+        if (g.panelsA)  // panels already, of single precision: each is a matrix
+            source = {a, 0, matrices * ceilDiv(g.m, p.rows), g.lda, p.rows, 1, p.rows};
+        left = pack(graph, source, g.k, steps, p.rows, p.halves, g.largestA);
         layoutA = kGemmPanels;
         g.startA = 0;
         g.lda = steps * p.rows;
@@ -178,13 +206,15 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
     }
     if (p.panelsB && g.k > 0) {
         int64_t matrices = g.strideB == 0 ? 1 : g.batch;
-        right = pack(
-            graph,
-            {b, g.startB, matrices, g.strideB, g.n, g.transB ? g.ldb : 1, g.transB ? 1 : g.ldb},
-            g.k, g.k, u32(p.columns()));
+        Source source{
+            b, g.startB, matrices, g.strideB, g.n, g.transB ? g.ldb : 1, g.transB ? 1 : g.ldb};
+        if (g.panelsB)
+            source = {b, 0,          matrices * ceilDiv(g.n, p.columns()), g.ldb, p.columns(),
+                      1, p.columns()};
+        right = pack(graph, source, g.k, stepsB, u32(p.columns()), p.halves, g.largestB);
         layoutB = kGemmPanels;
         g.startB = 0;
-        g.ldb = g.k * p.columns();
+        g.ldb = stepsB * p.columns();
         if (matrices > 1) g.strideB = ceilDiv(g.n, p.columns()) * g.ldb;
     }
     bool split = p.parts > 1;
@@ -211,19 +241,36 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
                       .kPart = u32(p.kPart),
                       .strideCPart = split ? u32(strideCPart) : 0};
     uint32_t biasKind = !g.bias ? 0 : g.biasPerRow ? 2 : 1;
-    Specialisation spec{{"local_size", p.lanes},
-                        {"kLanes", p.lanes},
-                        {"kRows", p.rows},
-                        {"kPairs", p.pairs},
-                        {"kLayoutA", layoutA},
-                        {"kLayoutB", layoutB},
-                        {"kAccumulate", !split && g.accumulate},
-                        {"kBias", split ? 0 : biasKind},
-                        {"kRelu", !split && g.relu}};
     Groups groups{u32(ceilDiv(g.m, p.rows)), u32(ceilDiv(g.n, p.columns())),
                   u32(p.parts * g.batch)};
     Tensor bias = g.bias ? g.bias : graph.none();
-    if (p.onCpu) {
+    Tensor largest = g.largestA ? g.largestA : g.largestB;
+    CHECK(!g.largestA || !g.largestB, "one side of a product at most is made of gradients");
+    Specialisation spec{{"local_size", p.lanes},
+                        {"kAccumulate", !split && g.accumulate},
+                        {"kBias", split ? 0 : biasKind},
+                        {"kRelu", !split && g.relu},
+                        {"kScaled", bool(largest)}};
+    if (!largest) largest = graph.none();
+    if (!p.matrices) {
+        spec.insert({{"kLanes", p.lanes},
+                     {"kRows", p.rows},
+                     {"kPairs", p.pairs},
+                     {"kLayoutA", layoutA},
+                     {"kLayoutB", layoutB},
+                     {"kHalves", p.halves}});
+    }
+    if (p.matrices) {
+        spec["kMatrixM"] = p.matrices->m;
+        spec["kMatrixN"] = p.matrices->n;
+        spec["kMatrixK"] = p.matrices->k;
+        spec["kDirect"] = g.m % p.rows == 0 && g.n % p.columns() == 0 &&
+                          (split || (!g.accumulate && !g.bias && !g.relu));
+        graph.dispatchGroups(
+            "linalg/gemm_matrix.tile",
+            {{"a", left}, {"b", right}, {"c", out}, {"bias", bias}, {"largest", largest}}, params,
+            groups, spec);
+    } else if (p.onCpu) {
         auto even = [](std::initializer_list<int64_t> values) {
             return uint32_t{std::ranges::all_of(values, [](int64_t v) { return v % 2 == 0; })};
         };
@@ -237,14 +284,16 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
                               {"b", right},
                               {"c", out},
                               {"bias", bias},
+                              {"largest", largest},
                               {"aPairs", left},
                               {"bPairs", right},
                               {"cPairs", out}},
                              params, groups, spec);
     } else {
-        graph.dispatchGroups("linalg/gemm.tile",
-                             {{"a", left}, {"b", right}, {"c", out}, {"bias", bias}}, params,
-                             groups, spec);
+        graph.dispatchGroups(
+            "linalg/gemm.tile",
+            {{"a", left}, {"b", right}, {"c", out}, {"bias", bias}, {"largest", largest}}, params,
+            groups, spec);
     }
     if (!split) return;
     GemmReduceParams reduce{.elements = u32(strideCPart),
@@ -259,6 +308,18 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
     graph.dispatch("linalg/gemm_reduce.sum", {{"partial", out}, {"c", c}, {"bias", bias}}, reduce,
                    static_cast<uint64_t>(strideCPart),
                    {{"kAccumulate", g.accumulate}, {"kBias", biasKind}, {"kRelu", g.relu}});
+}
+
+Tensor largestMagnitude(Graph& graph, const Tensor& x) {
+    if (graph.device().precision() != Precision::Mixed) return {};
+    Tensor largest = graph.temporary({1});
+    graph.fill(largest);
+    constexpr uint32_t kLanes = 256;
+    auto elements = static_cast<uint64_t>(x.elements());
+    graph.dispatch("linalg/largest.magnitude", {{"x", x}, {"largest", largest}},
+                   LargestParams{u32(x.elements())}, (elements + kLargestEach - 1) / kLargestEach,
+                   {{"local_size", kLanes}});
+    return largest;
 }
 
 void sumAxis(Graph& graph, const Tensor& x, int64_t outer, int64_t count, int64_t inner,
@@ -300,7 +361,7 @@ Tensor matmul(Graph& graph, const Tensor& a, const Tensor& b, bool transA, bool 
     graph.beginOp("matmul", flops(product));
     gemm(graph, a, b, c, product);
     graph.differentiate({a, b}, {c}, [=, &graph] {
-        Tensor dc = graph.gradient(c);
+        Tensor dc = graph.gradient(c), largest = largestMagnitude(graph, dc);
         // dA = dC op(B)^T or its transpose, dB = op(A)^T dC or its transpose.
         Gemm da{.m = M,
                 .n = K,
@@ -309,7 +370,8 @@ Tensor matmul(Graph& graph, const Tensor& a, const Tensor& b, bool transA, bool 
                 .batch = B,
                 .strideA = M * N,
                 .strideB = K * N,
-                .strideC = M * K};
+                .strideC = M * K,
+                .largestA = largest};
         Gemm daT{.m = K,
                  .n = M,
                  .k = N,
@@ -318,7 +380,8 @@ Tensor matmul(Graph& graph, const Tensor& a, const Tensor& b, bool transA, bool 
                  .batch = B,
                  .strideA = K * N,
                  .strideB = M * N,
-                 .strideC = M * K};
+                 .strideC = M * K,
+                 .largestB = largest};
         Gemm db{.m = K,
                 .n = N,
                 .k = M,
@@ -326,7 +389,8 @@ Tensor matmul(Graph& graph, const Tensor& a, const Tensor& b, bool transA, bool 
                 .batch = B,
                 .strideA = M * K,
                 .strideB = M * N,
-                .strideC = K * N};
+                .strideC = K * N,
+                .largestB = largest};
         Gemm dbT{.m = N,
                  .n = K,
                  .k = M,
@@ -335,7 +399,8 @@ Tensor matmul(Graph& graph, const Tensor& a, const Tensor& b, bool transA, bool 
                  .batch = B,
                  .strideA = M * N,
                  .strideB = M * K,
-                 .strideC = K * N};
+                 .strideC = K * N,
+                 .largestA = largest};
         if (graph.wantsGradient(a)) {
             Tensor target = graph.gradientTarget(a);
             if (transA)
@@ -362,12 +427,13 @@ Tensor linear(Graph& graph, const Tensor& x, const Tensor& weight, const Tensor&
     graph.beginOp("linear", flops(product));
     gemm(graph, x, weight, y, product);
     graph.differentiate({x, weight, bias}, {y}, [=, &graph] {
-        Tensor dy = graph.gradient(y);
+        Tensor dy = graph.gradient(y), largest = largestMagnitude(graph, dy);
         if (graph.wantsGradient(x))
-            gemm(graph, dy, weight, graph.gradientTarget(x), {.m = V, .n = I, .k = O});
+            gemm(graph, dy, weight, graph.gradientTarget(x),
+                 {.m = V, .n = I, .k = O, .largestA = largest});
         if (graph.wantsGradient(weight))
             gemm(graph, dy, x, graph.gradientTarget(weight),
-                 {.m = O, .n = I, .k = V, .transA = true});
+                 {.m = O, .n = I, .k = V, .transA = true, .largestA = largest});
         if (graph.wantsGradient(bias)) sumAxis(graph, dy, 1, V, O, graph.gradientTarget(bias));
     });
     return y;

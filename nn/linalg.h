@@ -24,6 +24,9 @@ struct Gemm {
     Tensor bias;  // added to every row [n], or, biasPerRow, to every column [m]
     bool biasPerRow = false;
     bool relu = false;  // C = max(0, all of that)
+    // With mixed precision, from largestMagnitude(): of A or B, where it is made of gradients,
+    // which may be too small for a half.
+    Tensor largestA, largestB;
 };
 
 // Lanes of a CPU's vector, where a workgroup of so many is one subgroup and kernels hand out what
@@ -36,9 +39,14 @@ int64_t gemmPanelWidth(const Device& device, int64_t n);
 int64_t gemmPanelRows(const Device& device, int64_t m);
 int64_t gemmPanelSteps(int64_t k);
 
+// With mixed precision the magnitude [1] of x's largest element, as its bits, for Gemm; nothing
+// (an empty tensor) else. Adds dispatches to the current op.
+Tensor largestMagnitude(Graph& graph, const Tensor& x);
+
 // Adds the dispatches of a product to the current op, forward or backward; no gradient of its own.
-// Sums have a fixed order: the same bits every run. Rows of an even number of elements are read
-// twice as fast on lavapipe.
+// Sums have a fixed order: the same bits every run. With mixed precision A and B are rounded to
+// halves (what they cannot hold to the largest), and sums are of single precision. Rows of an even
+// number of elements are read twice as fast on lavapipe.
 void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const Gemm& shape);
 inline double flops(const Gemm& g) {
     return 2.0 * static_cast<double>(g.m * g.n) * static_cast<double>(g.k * g.batch);

@@ -107,12 +107,13 @@ Tensor convolve(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency
                   : "mesh/aggregate.backward_neighbours",
             {{"neighbourBegin", adjacency.begin}, {"neighbours", adjacency.neighbours}, {"dz", dz}},
             perVertex, invocations);
+        Tensor largest = largestMagnitude(graph, dz);
         if (graph.wantsGradient(x))
             gemm(graph, dz, weights.weight, graph.gradientTarget(x),
-                 {.m = V, .n = weights.row, .k = 2 * O});
+                 {.m = V, .n = weights.row, .k = 2 * O, .largestA = largest});
         if (graph.wantsGradient(weights.weight))
             gemm(graph, dz, x, graph.gradientTarget(weights.weight),
-                 {.m = 2 * O, .n = weights.row, .k = V, .transA = true});
+                 {.m = 2 * O, .n = weights.row, .k = V, .transA = true, .largestA = largest});
         if (graph.wantsGradient(weights.bias))
             sumAxis(graph, dz, 1, V, 2 * O, graph.gradientTarget(weights.bias));
     });
@@ -294,10 +295,9 @@ Tensor withTail(Graph& graph, const Tensor& x, int64_t columns, const Tensor& ta
     CHECK(columns == 0 || (x.dim(0) == tail.dim(0) && columns <= x.dim(1)),
           "x has the columns that are kept, and as many rows as the tail");
     auto vertices = static_cast<uint32_t>(tail.dim(0));
-    AggregateParams params{vertices, static_cast<uint32_t>(columns),
-                           static_cast<uint32_t>(x ? x.dim(1) : 0),
-                           static_cast<uint32_t>(rowWithTail(columns)),
-                           divisorOf(uint64_t(rowWithTail(columns)))};
+    AggregateParams params{
+        vertices, static_cast<uint32_t>(columns), static_cast<uint32_t>(x ? x.dim(1) : 0),
+        static_cast<uint32_t>(rowWithTail(columns)), divisorOf(uint64_t(rowWithTail(columns)))};
     Tensor y = graph.temporary({vertices, params.row});
     graph.beginOp("with_tail");
     graph.dispatch("mesh/tail.replace", {{"x", x ? x : tail}, {"tail", tail}, {"y", y}}, params,

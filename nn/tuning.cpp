@@ -50,7 +50,7 @@ void visitNumbers(T& tuning, Visit visit) {
 
 DeviceClass deviceClass(const DeviceInfo& info) {
     if (info.cpu) return DeviceClass::Cpu;
-    return info.cooperativeMatrix ? DeviceClass::CooperativeMatrix : DeviceClass::Gpu;
+    return info.halfMatrices ? DeviceClass::CooperativeMatrix : DeviceClass::Gpu;
 }
 
 const char* deviceClassName(DeviceClass deviceClass) {

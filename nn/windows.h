@@ -12,6 +12,7 @@ struct Windows {
     int64_t images = 0, channels = 0, height = 0, width = 0;
     int64_t features = 0, kernelH = 0, kernelW = 0, stride = 0, padding = 0;
     int64_t outHeight = 0, outWidth = 0;
+    Tensor largestImage, largestMaps;  // see Gemm: of what is made of gradients
 
     int64_t windows() const { return outHeight * outWidth; }
     int64_t rows() const { return channels * kernelH * kernelW; }

@@ -168,7 +168,8 @@ void gather(Graph& graph, const Windows& w, const Tensor& image, const Tensor& w
               .batch = tiling.matrices,
               .strideA = w.features * tiling.channelRows,
               .strideB = seen.dim(1),
-              .strideC = w.features * tiles});
+              .strideC = w.features * tiles,
+              .largestB = w.largestImage});
         fromTiles(graph, Side::Maps, w, piece, products, bias, maps);
     }
 }
@@ -200,6 +201,7 @@ void winogradSum(Graph& graph, const Windows& w, const Tensor& maps, const Tenso
         std::swap(turned.channels, turned.features);
         std::swap(turned.height, turned.outHeight);
         std::swap(turned.width, turned.outWidth);
+        std::swap(turned.largestImage, turned.largestMaps);
         turned.padding = 3 - w.padding;
         gather(graph, turned, maps, weightsToTiles(graph, w, weight, true), bias, image);
         return;
@@ -219,7 +221,8 @@ void winogradSum(Graph& graph, const Windows& w, const Tensor& maps, const Tenso
               .batch = tiling.matrices,
               .strideA = w.features * tiling.channelRows,
               .strideB = given.dim(1),
-              .strideC = tiling.channelRows * tiles});
+              .strideC = tiling.channelRows * tiles,
+              .largestB = w.largestMaps});
         fromTiles(graph, Side::Image, w, piece, products, bias, image);
     }
 }
@@ -242,7 +245,9 @@ void winogradWeights(Graph& graph, const Windows& w, const Tensor& image, const 
               .batch = tiling.matrices,
               .strideA = w.features * tiles,
               .strideB = seen.dim(1),
-              .strideC = w.features * tiling.channelRows});
+              .strideC = w.features * tiling.channelRows,
+              .largestA = w.largestMaps,
+              .largestB = w.largestImage});
         first = false;
     }
     WeightDispatch d = weightDispatch(w);

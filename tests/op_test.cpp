@@ -88,7 +88,7 @@ void checkOp(const std::string& opName, const OpCase& original) {
     // Forward.
     Values expected = testCase.reference(toValues(testCase));
     Npz arrays = toArrays(testCase);
-    Npz got = op->run(testDevice(), arrays, options);
+    Npz got = op->run(testDevice(original.precision), arrays, options);
     for (const auto& [name, value] : expected) {
         ASSERT_TRUE(got.has(name)) << "output " << name;
         ASSERT_EQ(got.at(name).shape, value.shape) << "output " << name;
@@ -108,7 +108,7 @@ void checkOp(const std::string& opName, const OpCase& original) {
     roundToFloat(upstream);
     for (const auto& [name, value] : upstream)
         arrays.set("grad_" + name, Array::f64(value.shape, value.data));
-    got = op->run(testDevice(), arrays, options);
+    got = op->run(testDevice(original.precision), arrays, options);
 
     auto projection = [&](const Values& values) {
         Values outputs = testCase.reference(values);
@@ -157,8 +157,13 @@ void expectInputError(const std::function<void()>& run, const std::string& words
     }
 }
 
-Device& testDevice() {
-    static Device device;  // a missing device throws, and that fails the test
+Device& testDevice(Precision precision) {
+    // A missing device throws, and that fails the test.
+    if (precision == Precision::Mixed) {
+        static Device mixed({.precision = Precision::Mixed});
+        return mixed;
+    }
+    static Device device;
     return device;
 }
 

@@ -33,6 +33,7 @@ struct OpCase {
     double forwardTolerance = 2e-5, gradientTolerance = 1e-3;
     double floor = 1e-6;
     double differenceStep = 1e-5;
+    Precision precision = Precision::Single;  // of the device that it runs on
     // Elements of each input whose derivative is checked, drawn at random where there are more.
     int samples = 48;
     // True for elements to leave out (kinks, discontinuities): input name, element.
@@ -55,7 +56,8 @@ Value indices(Shape shape, std::vector<int> values);
 // ‖a - b‖ / max(‖b‖, floor)
 double relativeError(const std::vector<double>& a, const std::vector<double>& b, double floor);
 
-// One device for all tests of a process; validation is on and a message fails the test.
-Device& testDevice();
+// One device of each precision for all tests of a process; validation is on and a message fails
+// the test.
+Device& testDevice(Precision precision = Precision::Single);
 
 }  // namespace doppel

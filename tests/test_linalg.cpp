@@ -21,15 +21,20 @@ Values matmulReference(const Values& v) {
     return {{"c", c}};
 }
 
-void checkMatmul(int64_t batch, int64_t m, int64_t n, int64_t k) {
+void checkMatmul(int64_t batch, int64_t m, int64_t n, int64_t k,
+                 Precision precision = Precision::Single) {
     for (int ta = 0; ta < 2; ++ta)
         for (int tb = 0; tb < 2; ++tb) {
             SCOPED_TRACE(fmt::format("{} x {}x{}x{} trans {}{}", batch, m, n, k, ta, tb));
+            bool mixed = precision == Precision::Mixed;
             checkOp("matmul",
                     {.inputs = {{"a", random(ta ? Shape{batch, k, m} : Shape{batch, m, k}, 1)},
                                 {"b", random(tb ? Shape{batch, n, k} : Shape{batch, k, n}, 2)}},
                      .attributes = {{"trans_a", ta}, {"trans_b", tb}},
                      .reference = matmulReference,
+                     .forwardTolerance = mixed ? 1e-3 : 2e-5,
+                     .gradientTolerance = mixed ? 4e-3 : 1e-3,
+                     .precision = precision,
                      .samples = 6});
         }
 }
@@ -47,6 +52,68 @@ TEST(Linalg, MatmulPanels) {
 }
 // Few results, long sums: cut into parts.
 TEST(Linalg, MatmulLong) { checkMatmul(2, 5, 6, 4099); }
+
+// Tiles that reach over the matrices' ends, whole ones, several parts, batches.
+TEST(Linalg, MatmulMixed) {
+    for (auto [batch, m, n, k] : {std::array{1, 1, 1, 1},
+                                  {2, 13, 31, 7},
+                                  {1, 66, 130, 70},
+                                  {2, 128, 128, 64},
+                                  {2, 5, 6, 4099}})
+        checkMatmul(batch, m, n, k, Precision::Mixed);
+}
+
+// a [m, k], b [k, n], upstream [m, n] -> c and the gradients, with mixed precision.
+Npz mixedProduct(const Value& a, const Value& b, const Value& upstream) {
+    Npz in;
+    auto batch = [](const Value& v) { return Array::f64({1, v.shape[0], v.shape[1]}, v.data); };
+    in.set("a", batch(a));
+    in.set("b", batch(b));
+    in.set("grad_c", batch(upstream));
+    return Op::find("matmul")->run(testDevice(Precision::Mixed), in, {});
+}
+
+TEST(Linalg, MixedPrecisionRoundsTheInputsAlone) {
+    // What halves hold exactly comes out as exact as sums of single precision are; what they do not
+    // hold is rounded: 2049 has twelve digits.
+    Value a = indices({40, 96}, std::vector<int>(40 * 96, 3)), b = indices({96, 24}, {});
+    for (int i = 0; i < 96 * 24; ++i) b.data.push_back(i % 2048);
+    Npz got = mixedProduct(a, b, random({40, 24}));
+    for (int64_t column = 0; column < 24; ++column) {
+        double sum = 0;
+        for (size_t k = 0; k < 96; ++k) sum += 3 * b.data[k * 24 + size_t(column)];
+        EXPECT_EQ(got.at("c").toF64()[size_t(column)], sum);
+    }
+    double rounded = mixedProduct(indices({1, 1}, {2049}), indices({1, 1}, {1}), random({1, 1}))
+                         .at("c")
+                         .toF64()[0];
+    EXPECT_TRUE(rounded == 2048 || rounded == 2050) << rounded;
+}
+
+TEST(Linalg, MixedPrecisionKeepsTinyGradientsAndShowsWhatIsNotFinite) {
+    Value a = random({33, 20}, 1), b = random({20, 17}, 2), upstream = random({33, 17}, 3);
+    Npz plain = mixedProduct(a, b, upstream);
+    for (double factor : {1e-30, 1e-9, 1e9}) {
+        Value scaled = upstream;
+        for (double& v : scaled.data) v *= factor;
+        Npz got = mixedProduct(a, b, scaled);
+        for (const char* name : {"grad_a", "grad_b"}) {
+            std::vector<double> back = got.at(name).toF64();
+            for (double& v : back) v /= factor;
+            EXPECT_LE(relativeError(back, plain.at(name).toF64(), 1e-6), 1e-3) << name << factor;
+        }
+    }
+    // Beyond a half's end: the largest that there is. NaN is not hidden.
+    a.data.assign(a.data.size(), 0);
+    a.data[0] = 1e30;
+    b.data.assign(b.data.size(), 1);
+    EXPECT_EQ(mixedProduct(a, b, upstream).at("c").toF64()[0], 65504);
+    a.data[0] = NAN;
+    EXPECT_TRUE(std::isnan(mixedProduct(a, b, upstream).at("c").toF64()[0]));
+    upstream.data[5] = INFINITY;
+    a.data[0] = 1;
+    EXPECT_FALSE(std::isfinite(mixedProduct(a, b, upstream).at("grad_a").toF64()[5 / 17]));
+}
 
 TEST(Linalg, ProductAddsToWhatIsThere) {
     // C[5,6] within rows of 9, twice: C = A B + bias per row, then C += A B. K = 3000 is split.

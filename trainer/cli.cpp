@@ -48,6 +48,16 @@ void addCommon(CLI::App& command, Shared& shared) {
         ->group("Common");
 }
 
+void addPrecision(CLI::App& command, Shared& shared) {
+    command
+        .add_option("--precision", shared.common.precision,
+                    "Of the networks' products: fp32; mixed: inputs in half, sums in single "
+                    "precision, on matrix units where the device has them (`doppel devices`)")
+        ->capture_default_str()
+        ->check(CLI::IsMember({"fp32", "mixed"}))
+        ->group("Common");
+}
+
 void addPreset(CLI::App& command, Shared& shared, const char* preset) {
     shared.preset = preset;
     command
@@ -282,6 +292,8 @@ struct CommandLine {
         CLI::App& command = *app.add_subcommand(name, description);
         command.footer("Example:\n  " + example);
         addCommon(command, shared[name]);
+        for (const char* withNetworks : {"train", "render", "eval", "ablate", "export", "demo"})
+            if (std::string_view(name) == withNetworks) addPrecision(command, shared[name]);
         return command;
     }
 

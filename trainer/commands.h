@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/device.h"
 #include "trainer/measures.h"
 #include "trainer/preset.h"
 
@@ -15,9 +16,14 @@ namespace doppel {
 
 struct CommonOptions {
     std::string device;  // part of a name or an index; empty: the best one
+    std::string precision = "fp32";
     uint64_t seed = 1;
     bool json = false;
     std::string commandLine;  // as typed, for provenance
+
+    DeviceOptions deviceOptions() const {
+        return {.name = device, .precision = precisionNamed(precision)};
+    }
 };
 
 struct DevicesOptions {

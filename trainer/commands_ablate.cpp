@@ -126,7 +126,7 @@ void runAblate(const AblateOptions& options) {
                 : training;
     training.requireMasks();
     test.requireMasks();
-    Device device({.name = options.common.device});
+    Device device(options.common.deviceOptions());
     Measures measures(device, options.measures);
 
     Avatar fresh;

@@ -63,7 +63,7 @@ void runDemo(const DemoOptions& options) {
     };
     std::filesystem::path out = options.out;
     createFolders(out);
-    Device device({.name = options.common.device});
+    Device device(options.common.deviceOptions());
     fmt::print(stderr, "demo on {}\n", device.info().name);
 
     // A recording of the actor, every fourth frame held out.

@@ -22,6 +22,13 @@ std::string sentence(const DeviceInfo& info) {
     return text;
 }
 
+// What --precision mixed multiplies with.
+std::string matricesText(const DeviceInfo& info) {
+    if (!info.halfMatrices) return "none";
+    const MatrixShape& shape = *info.halfMatrices;
+    return fmt::format("{}x{}x{}", shape.m, shape.n, shape.k);
+}
+
 }  // namespace
 
 void runDevices(const DevicesOptions& options) {
@@ -46,7 +53,7 @@ void runDevices(const DevicesOptions& options) {
                             {"subgroup_size", info.subgroupSize},
                             {"buffer_addresses", info.addresses},
                             {"timestamps", info.timestamps},
-                            {"cooperative_matrix", info.cooperativeMatrix},
+                            {"half_matrices", matricesText(info)},
                             {"refusals", info.refusals},
                             {"chosen", &info == best}});
         }
@@ -61,9 +68,9 @@ void runDevices(const DevicesOptions& options) {
                        bytesText(info.maxStorageBufferBytes));
             fmt::print(
                 "    push constants {} bytes, subgroups of {}, buffer addresses {}, "
-                "timestamps {}, cooperative matrices {}\n",
+                "timestamps {}, matrix units {}\n",
                 info.maxPushConstantBytes, info.subgroupSize, info.addresses ? "yes" : "no",
-                info.timestamps ? "yes" : "no", info.cooperativeMatrix ? "yes" : "no");
+                info.timestamps ? "yes" : "no", matricesText(info));
             if (!info.refusals.empty()) fmt::print("    refused: {}\n", sentence(info));
         }
     }

@@ -73,7 +73,7 @@ void runEval(const EvalOptions& options) {
     const std::vector<CollectionEntry> entries = findCaptures(options.capture);
     const bool collection = entries.size() > 1 || entries[0].folder != options.capture;
     for (const CollectionEntry& entry : entries) avatarOf(options.avatar, entry.actor);
-    Device device({.name = options.common.device});
+    Device device(options.common.deviceOptions());
     Measures measures(device, options.measures);
     Settings settings{
         {"avatar", options.avatar.string()},

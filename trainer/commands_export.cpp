@@ -23,7 +23,7 @@ void runExport(const ExportOptions& options) {
         throwInput("--frames: found \"{}\" without --motion; say whose frames they are",
                    options.frames);
     }
-    Device device({.name = options.common.device});
+    Device device(options.common.deviceOptions());
     exportAvatar(device, avatar, options.out, motion ? &*motion : nullptr, texture);
 
     size_t keys = motion ? motion->size() : 0;

@@ -13,7 +13,7 @@ void runFit(const FitOptions& options) {
     capture.requireMasks();
     OutputFolder(options.out, "capture.toml");  // refused now rather than after the work
     BodyModel body = bodyFromNpz(readBodyArrays(options.body));
-    Device device({.name = options.common.device});
+    Device device(options.common.deviceOptions());
     FitResult result = fitCapture(device, body, capture,
                                   {.preset = options.preset.fit, .loop = {.seed = options.common.seed}});
     capture.source["fitted_by"] = options.common.commandLine;

@@ -13,7 +13,7 @@ namespace doppel {
 
 void runImport(const ImportOptions& options) {
     const BodyModel body = bodyFromNpz(readBodyArrays(options.body));
-    Device device(DeviceOptions{.name = options.common.device});
+    Device device(options.common.deviceOptions());
     BodyPoser poser(device, body);
     MeshDrawer drawer(device, body);
     const ImportResult result = importCapture(options, [&](const Camera& camera, const Theta& theta,

@@ -32,7 +32,7 @@ void runRender(const RenderOptions& options) {
     std::vector<size_t> chosen = selectFrames(options.frames, motion.size());
     // Smoothed whole, so that a part of a motion moves as it does in the whole.
     motion = smoothed(std::move(motion), options.smooth).subset(chosen);
-    Device device({.name = options.common.device});
+    Device device(options.common.deviceOptions());
 
     std::vector<Shot> shots;
     if (options.camera == "capture") {

@@ -85,7 +85,7 @@ void runTrain(const TrainOptions& options) {
     avatar.provenance["command"] = options.common.commandLine;
     avatar.provenance["seed"] = fmt::format("{}", options.common.seed);
 
-    Device device({.name = options.common.device});
+    Device device(options.common.deviceOptions());
     TrainSettings settings;
     settings.stages = options.stages;
     settings.out = options.out;

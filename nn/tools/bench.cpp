@@ -14,7 +14,7 @@
 
 namespace doppel::bench {
 
-static std::string deviceName;  // from the command line
+static DeviceOptions deviceOptions;  // from the command line
 
 namespace {
 
@@ -153,7 +153,7 @@ int replayFromStdin() {
 }  // namespace
 
 Device& device() {
-    static Device device({.name = deviceName});
+    static Device device(deviceOptions);
     return device;
 }
 
@@ -188,10 +188,12 @@ void addCeilings() {
 namespace {
 
 constexpr const char* kUsage =
-    "doppel-bench [--device NAME] [--json] [--benchmark_...]\n"
+    "doppel-bench [--device NAME] [--precision fp32|mixed] [--json] [--benchmark_...]\n"
     "\n"
     "Times ops at the paper's sizes, training steps and inference by the device's own clock.\n"
     "  --device NAME  part of a device's name, or its index (default: the best one)\n"
+    "  --precision    of products of matrices (default: fp32); mixed: inputs in half, sums in\n"
+    "                 single precision, on matrix units where the device has them\n"
     "  --json         Google Benchmark's JSON on stdout\n"
     "  --replay       replay each case that a line of stdin names once, print its milliseconds\n"
     "  --tune         find the kernel variants that this device runs best, and keep them in\n"
@@ -229,7 +231,10 @@ int run(int argc, char** argv) {
         }
         if (argument == "--device") {
             if (i + 1 == argc) throwInput("--device: a name is missing");
-            bench::deviceName = argv[++i];
+            bench::deviceOptions.name = argv[++i];
+        } else if (argument == "--precision") {
+            if (i + 1 == argc) throwInput("--precision: a name is missing");
+            bench::deviceOptions.precision = precisionNamed(argv[++i]);
         } else if (argument == "--tune") {
             tunes = true;
         } else if (argument == "--replay") {
@@ -259,6 +264,8 @@ int run(int argc, char** argv) {
         const DeviceInfo& info = bench::device().info();
         benchmark::AddCustomContext("device", info.name);
         benchmark::AddCustomContext("driver", info.driver);
+        bool mixed = bench::device().precision() == Precision::Mixed;
+        benchmark::AddCustomContext("precision", mixed ? "mixed" : "fp32");
         benchmark::AddCustomContext("ceiling_fma_GFLOP/s",
                                     fmt::format("{:.1f}", bench::ceilings().flops * 1e-9));
         benchmark::AddCustomContext("ceiling_copy_GB/s",

@@ -10,13 +10,14 @@
 namespace {
 
 constexpr const char* kUsage =
-    "usage: op_runner OP IN.npz OUT.npz [--device NAME]\n"
+    "usage: op_runner OP IN.npz OUT.npz [--device NAME] [--precision NAME]\n"
     "       op_runner --list\n"
     "\n"
     "Runs one op. IN.npz: inputs by name, attr_NAME (0-d), grad_OUTPUT for backward.\n"
     "OUT.npz: outputs by name, and grad_INPUT for differentiable inputs.\n"
     "  --list         every op with its inputs, attributes and outputs\n"
-    "  --device NAME  part of a device's name, or its index (default: the best one)\n";
+    "  --device NAME  part of a device's name, or its index (default: the best one)\n"
+    "  --precision fp32|mixed  of products of matrices (default: fp32)\n";
 
 void list() {
     for (const doppel::Op* op : doppel::Op::all()) {
@@ -40,9 +41,13 @@ int run(std::vector<std::string> arguments) {
             list();
             return 0;
         }
-        if (arguments[i] == "--device") {
-            if (i + 1 == arguments.size()) throwInput("--device: a name is missing");
-            options.name = arguments[i + 1];
+        bool isDevice = arguments[i] == "--device";
+        if (isDevice || arguments[i] == "--precision") {
+            if (i + 1 == arguments.size()) throwInput("{}: a name is missing", arguments[i]);
+            if (isDevice)
+                options.name = arguments[i + 1];
+            else
+                options.precision = precisionNamed(arguments[i + 1]);
             arguments.erase(arguments.begin() + long(i), arguments.begin() + long(i) + 2);
             --i;
         }

@@ -10,18 +10,22 @@
 // A and B are read as they lie, transposed, or in panels: what a tile needs of A (kRows rows) or B
 // (its columns), step of k by step of k, without gaps. Rows that are a power of two apart fall into
 // the same few lines of a CPU's cache; panels do not.
+#include "linalg/half_scale.glsl"
 #include "linalg/params.h"
 
 #if PAIRS
-#define BUFFERS 7
+#define BUFFERS 8
+#define LARGEST 7
 #else
-#define BUFFERS 4
+#define BUFFERS 5
+#define LARGEST 4
 #endif
 PARAMS(GemmParams, BUFFERS)
 BUFFER(0, readonly, float, a);     // rows [batch, m, k]; transposed [batch, k, m]; panels
 BUFFER(1, readonly, float, b);     // rows [batch, k, n]; transposed [batch, n, k]; panels
 BUFFER(2, readwrite, float, c);    // [parts, batch, m, n]
 BUFFER(3, readonly, float, bias);  // [n] or [m], see kBias
+BUFFER(LARGEST, readonly, uint, largest);  // [1], see kScaled
 #if PAIRS
 BUFFER(4, readonly, uint64_t, aPairs);  // the same memory
 BUFFER(5, readonly, uint64_t, bPairs);
@@ -40,6 +44,9 @@ layout(constant_id = 8) const bool kEvenB = false;
 layout(constant_id = 9) const bool kEvenC = false;
 layout(constant_id = 10) const uint kLanes = 8;
 layout(constant_id = 11) const bool kRelu = false;
+// A and B are panels of halves, two to a word; A or B was multiplied by halfScale(largest).
+layout(constant_id = 12) const bool kHalves = false;
+layout(constant_id = 13) const bool kScaled = false;
 
 // Steps of k in the loop's body: a loop's sums pass through masks on lavapipe at every turn.
 #if PAIRS
@@ -59,6 +66,10 @@ vec2 unpackPair(uint64_t pair) { return uintBitsToFloat(unpackUint2x32(pair)); }
 vec2 loadA(uint base, uint row, uint k, uint end) {
     if (kLayoutA == kGemmPanels) {  // zero behind the end as they are
         uint at = base + k * kRows + row;
+        if (kHalves) {
+            vec2 pair = unpackHalf2x16(floatBitsToUint(a.d[at / 2]));
+            return at % 2 == 0 ? pair : pair.yx;  // rows from an odd one: only the first counts
+        }
 #if PAIRS
         return unpackPair(aPairs.d[at / 2]);
 #else
@@ -86,6 +97,7 @@ vec2 loadA(uint base, uint row, uint k, uint end) {
 
 // Two elements of B, second is the first's neighbour where kEvenB.
 vec2 loadB(uint first, uint second) {
+    if (kHalves) return unpackHalf2x16(floatBitsToUint(b.d[first / 2]));
 #if PAIRS
     if (kEvenB) return unpackPair(bPairs.d[first / 2]);
 #endif
@@ -172,6 +184,8 @@ void gemmTile() {
         }
     }
 
+    float scale = 1;
+    if (kScaled) scale = 1 / halfScale(largest.d[0]);
     uint baseC = params.startC + part * params.strideCPart + matrix * params.strideC;
     [[unroll]] for (uint j = 0; j < kPairs; ++j) {
         if (column[j] >= n) continue;
@@ -180,6 +194,7 @@ void gemmTile() {
             uint r = tileRow + i, at = baseC + r * params.ldc + column[j];
             if (r < m) {
                 vec2 v = sum[i][j];
+                if (kScaled) v *= scale;
                 if (kBias == 1) v += vec2(bias.d[column[j]], bias.d[min(column[j] + 1, n - 1)]);
                 if (kBias == 2) v += bias.d[r];
 #if PAIRS

@@ -3,16 +3,29 @@
 #include "common/op.glsl"
 #include "common/pairs.glsl"
 #include "linalg/params.h"
-PARAMS(PanelsParams, 3)
+#include "linalg/half_scale.glsl"
+PARAMS(PanelsParams, 5)
 BUFFER(0, readonly, float, matrix);        // see the strides
 BUFFER(1, readonly, uint64_t, pairs);      // the same, in pairs
 BUFFER(2, writeonly, uint64_t, packed);    // [batch, panels, stepsInPanel, kWidth], in pairs
+BUFFER(3, writeonly, uint, halves);        // the same, where kHalves
+BUFFER(4, readonly, uint, largest);        // [1], where kScaled
 
 layout(constant_id = 1) const uint kWidth = 32;  // a power of two
 // Which neighbours in memory start at even elements and can be loaded together.
 layout(constant_id = 2) const uint kPairs = 0;  // 0: none, 1: items, 2: steps
 
+layout(constant_id = 3) const bool kHalves = false;
+layout(constant_id = 4) const bool kScaled = false;  // times halfScale(largest)
+
 const uint kSteps = 4;  // of an invocation, by two items
+
+// What a half cannot hold becomes its largest number; infinities and NaN stay, to be seen.
+vec2 bounded(vec2 v) {
+    const float kMost = 65504;
+    return vec2(abs(v.x) > kMost && !isinf(v.x) ? sign(v.x) * kMost : v.x,
+                abs(v.y) > kMost && !isinf(v.y) ? sign(v.y) * kMost : v.y);
+}
 
 // Workgroups: x steps and items of a panel, y panels, z matrices of the batch.
 ENTRY(pack) {
@@ -45,12 +58,20 @@ ENTRY(pack) {
                 v[s] = vec2(matrix.d[left + at], matrix.d[right + at]);
         }
     }
+    float scale = 1;
+    if (kScaled) scale = halfScale(largest.d[0]);
     uint panel = gl_WorkGroupID.z * params.panels + gl_WorkGroupID.y;
     [[unroll]] for (uint s = 0; s < kSteps; ++s) {
         if (step + s < stepsInPanel) {
             vec2 inside = mix(vec2(0), v[s], items);
             uint at = (panel * stepsInPanel + step + s) * kWidth + within;
-            packed.d[at / 2] = packPair(step + s < steps ? inside : vec2(0));
+            vec2 value = step + s < steps ? inside : vec2(0);
+            if (kHalves) {
+                if (kScaled) value *= scale;
+                halves.d[at / 2] = packHalf2x16(bounded(value));
+            } else {
+                packed.d[at / 2] = packPair(value);
+            }
         }
     }
 }

@@ -11,6 +11,9 @@ SHARED_BEGIN
 // How a matrix lies in memory.
 SHARED_CONSTANT uint kGemmRows = 0, kGemmTransposed = 1, kGemmPanels = 2;
 SHARED_CONSTANT uint kGemmUnroll = 8;  // parts and panels have a multiple of so many steps of k
+// A workgroup on matrix units makes so many by so many of the device's matrices.
+SHARED_CONSTANT uint kMatrixFragments = 4;
+SHARED_CONSTANT uint kLargestEach = 64;  // elements that an invocation looks at
 struct GemmParams {
     uint m, n, k;
     uint lda, ldb, ldc;                 // elements from row to row, as stored; panel to panel
@@ -33,6 +36,9 @@ struct PanelsParams {
     uint start, strideMatrix;
     uint strideItem, strideStep;  // elements from one row or column, from one step to the next
     uint panels;
+};
+struct LargestParams {
+    uint elements;
 };
 struct SumParams {
     uint outer, count, inner;  // x[outer, count, inner]
