@@ -138,6 +138,10 @@ Precision precisionNamed(std::string_view name) {
     throwInput("--precision: expected fp32 or mixed, found \"{}\"", name);
 }
 
+const char* precisionName(Precision precision) {
+    return precision == Precision::Mixed ? "mixed" : "fp32";
+}
+
 std::vector<DeviceInfo> Device::list() {
     VkInstance instance = createInstance(false);
     std::vector<DeviceInfo> infos;
@@ -178,7 +182,10 @@ Device::Device(DeviceOptions options) {
         if (!info_.addresses) binding_ = Binding::Descriptors;
         bool addresses = binding_ == Binding::Addresses;
         precision_ = options.precision;
-        if (precision_ == Precision::Mixed && addresses) matrixUnits_ = info_.halfMatrices;
+        // A CPU emulates them, several times slower than plain kernels: for tests.
+        bool units = !info_.cpu || environmentSays("DOPPEL_MATRIX_UNITS", "emulated");
+        if (precision_ == Precision::Mixed && addresses && units)
+            matrixUnits_ = info_.halfMatrices;
 
         float priority = 1;
         VkDeviceQueueCreateInfo queueInfo{VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO};

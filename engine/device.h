@@ -22,11 +22,12 @@ namespace doppel {
 enum class Binding { Addresses, Descriptors };
 
 // How products of matrices are made (convolutions, linear layers, graph convolutions). Mixed: their
-// inputs are rounded to halves, and summed in single precision, on matrix units where the device
-// has them. All else, parameters and optimisers among it, is in single precision always.
+// inputs are rounded to halves, and summed in single precision, on matrix units where a GPU has
+// them (CPUs emulate them slowly: with DOPPEL_MATRIX_UNITS=emulated alone). All else, parameters and optimisers among it, is in single precision always.
 enum class Precision { Single, Mixed };
 // Of "fp32" and "mixed", as programs take it from their command lines; InputError on anything else.
 Precision precisionNamed(std::string_view name);
+const char* precisionName(Precision precision);
 
 struct DeviceOptions {
     std::string name;  // part of a device's name, or its index in the list; empty: the best one

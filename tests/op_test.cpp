@@ -172,6 +172,7 @@ Device& testDevice(Precision precision) {
 int main(int argc, char** argv) {
     testing::InitGoogleTest(&argc, argv);
     setenv("DOPPEL_VALIDATION", "1", 0);
+    setenv("DOPPEL_MATRIX_UNITS", "emulated", 0);
     testing::UnitTest::GetInstance()->listeners().Append(new doppel::ValidationIsSilent);
     return RUN_ALL_TESTS();
 }

@@ -322,6 +322,11 @@ TEST_F(Resume, SaysWhatIsWrongWithTrainingState) {
     fs::path checkpoint = options.out / "checkpoints" / "fit.safetensors";
     std::string bytes = bytesOf(checkpoint), text = bytesOf(record);
 
+    TrainOptions mixed = options;
+    mixed.common.precision = "mixed";
+    expectInputError([&] { runTrain(mixed); }, "precision");
+    mixed.common.precision = "bf16";
+    expectInputError([&] { runTrain(mixed); }, "--precision: expected fp32 or mixed");
     fs::resize_file(checkpoint, bytes.size() - 100);
     expectInputError([&] { runTrain(options); }, "fit.safetensors");
     fs::resize_file(record, text.size() / 2);

@@ -83,6 +83,7 @@ void runTrain(const TrainOptions& options) {
     if (!avatar.refineNet.empty() && !trains("refine")) avatar.preset.refine = before.refine;
     avatar.provenance["capture"] = capture.name;
     avatar.provenance["command"] = options.common.commandLine;
+    avatar.provenance["precision"] = options.common.precision;
     avatar.provenance["seed"] = fmt::format("{}", options.common.seed);
 
     Device device(options.common.deviceOptions());

@@ -51,8 +51,9 @@ void writePreview(Device& device, const Avatar& avatar, const std::filesystem::p
 
 // What a run is asked for: all that its result depends on, but the pictures themselves.
 std::map<std::string, std::string> askedFor(const TrainSettings& settings, const Avatar& avatar,
-                                            const Capture& capture) {
+                                            const Capture& capture, Precision precision) {
     std::map<std::string, std::string> asked;
+    asked["precision"] = precisionName(precision);
     asked["stages"] = fmt::format("{}", fmt::join(settings.stages, ","));
     asked["seed"] = fmt::format("{}", settings.seed);
     for (const auto& [name, value] : presetValues(avatar.preset))
@@ -81,10 +82,11 @@ std::map<std::string, std::string> askedFor(const TrainSettings& settings, const
 // What is on disk of a run, between its start and its end.
 class Run {
 public:
-    Run(const TrainSettings& settings, const Avatar& avatar, const Capture& capture)
+    Run(const TrainSettings& settings, const Avatar& avatar, const Capture& capture,
+        Precision precision)
         : settings_(settings) {
         if (!settings.keeps()) return;
-        std::map<std::string, std::string> asked = askedFor(settings, avatar, capture);
+        std::map<std::string, std::string> asked = askedFor(settings, avatar, capture, precision);
         std::optional<RunRecord> there;
         if (settings.resume) there = readRunRecord(settings.out);
         if (there) {
@@ -218,7 +220,7 @@ TrainResult trainAvatar(Device& device, Avatar avatar, Capture capture,
                         const TrainSettings& settings) {
     capture.requireMasks();
     TrainResult result{std::move(avatar), std::move(capture), std::nullopt};
-    Run run(settings, result.avatar, result.capture);
+    Run run(settings, result.avatar, result.capture, device.precision());
     try {
         if (settings.opened && settings.keeps()) {
             writeLiveAvatar(settings.out, result.avatar);

@@ -264,8 +264,7 @@ int run(int argc, char** argv) {
         const DeviceInfo& info = bench::device().info();
         benchmark::AddCustomContext("device", info.name);
         benchmark::AddCustomContext("driver", info.driver);
-        bool mixed = bench::device().precision() == Precision::Mixed;
-        benchmark::AddCustomContext("precision", mixed ? "mixed" : "fp32");
+        benchmark::AddCustomContext("precision", precisionName(bench::device().precision()));
         benchmark::AddCustomContext("ceiling_fma_GFLOP/s",
                                     fmt::format("{:.1f}", bench::ceilings().flops * 1e-9));
         benchmark::AddCustomContext("ceiling_copy_GB/s",
