@@ -184,8 +184,7 @@ Device::Device(DeviceOptions options) {
         precision_ = options.precision;
         // A CPU emulates them, several times slower than plain kernels: for tests.
         bool units = !info_.cpu || environmentSays("DOPPEL_MATRIX_UNITS", "emulated");
-        if (precision_ == Precision::Mixed && addresses && units)
-            matrixUnits_ = info_.halfMatrices;
+        if (precision_ == Precision::Mixed && addresses && units) matrixUnits_ = info_.halfMatrices;
 
         float priority = 1;
         VkDeviceQueueCreateInfo queueInfo{VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO};
