@@ -108,9 +108,9 @@ public:
     Tensor gradientTarget(const Tensor& input);
 
     // ---- reverse mode -----------------------------------------------------------------------
-    // Gradients of a scalar loss, its own being 1. Ops that the loss does not depend on are left for
-    // a later backward(), so that one graph holds several updates, one after the other; but each op
-    // is reversed once.
+    // Gradients of a scalar loss, its own being 1. Ops that the loss does not depend on are left
+    // for a later backward(), so that one graph holds several updates, one after the other; but
+    // each op is reversed once.
     void backward(const Tensor& loss);
     // Gradients of sum over pairs of <output, upstream>.
     void backward(const std::vector<std::pair<Tensor, Tensor>>& upstream);
@@ -146,9 +146,13 @@ public:
         readBytes(output, std::as_writable_bytes(std::span(values)), back);
         return values;
     }
-    float readScalar(const Tensor& output, int back = 0) {
-        return read<float>(output, back).at(0);
+    // The same into memory that is there.
+    template <typename T>
+    void read(const Tensor& output, std::span<T> values, int back = 0) {
+        static_assert(sizeof(T) == 4);
+        readBytes(output, std::as_writable_bytes(values), back);
     }
+    float readScalar(const Tensor& output, int back = 0) { return read<float>(output, back).at(0); }
 
     // Bytes of the planned memory, and what it would take without reuse.
     uint64_t temporaryBytes() const { return plannedBytes_; }

@@ -1,6 +1,7 @@
 #include "viewer/scene.h"
 
 #include <algorithm>
+#include <cstring>
 #include <glm/gtc/quaternion.hpp>
 
 #include "nn/lbs.h"
@@ -63,6 +64,8 @@ struct Scene::Posing {
 struct Scene::Drawing {
     Graph graph;
     Tensor rotation, translation, camera, state, background, picture;
+    std::vector<int32_t> behind;  // as written to background
+    std::vector<uint32_t> drawn;  // as read from picture
 
     Drawing(Device& device, const Avatar& avatar, const Posing& posing, const Buffer& texture,
             const DrawingKey& key)
@@ -246,20 +249,25 @@ Rectangle around(std::span<const float> verts, const Camera& camera, const ViewT
 
 }  // namespace
 
-const std::vector<uint32_t>& Scene::draw(MeshKind mesh, const Camera& camera,
-                                         const ViewTransform& view, const ShadeOptions& options,
-                                         std::span<const uint32_t> background, int samples) {
+std::vector<uint32_t> Scene::draw(MeshKind mesh, const Camera& camera, const ViewTransform& view,
+                                  const ShadeOptions& options, std::span<const uint32_t> background,
+                                  int samples, std::vector<uint32_t> reused) {
     if (!hasRefinedMesh()) mesh = MeshKind::Body;
     Posing& posing = posed(mesh);
     auto width = static_cast<size_t>(camera.width);
-    picture_.assign(background.begin(), background.end());
+    std::vector<uint32_t> picture = std::move(reused);
+    picture.resize(background.size());
     if (options.blueFirst)
-        for (uint32_t& word : picture_)
-            word = (word & 0xff00ff00u) | (word & 0xffu) << 16 | (word >> 16 & 0xffu);
+        for (size_t i = 0; i < picture.size(); ++i) {
+            uint32_t word = background[i];
+            picture[i] = (word & 0xff00ff00u) | (word & 0xffu) << 16 | (word >> 16 & 0xffu);
+        }
+    else
+        std::ranges::copy(background, picture.begin());
     Rectangle box = around(posing.hostVerts, camera, view);
     int inset = std::clamp(options.inset, 0, std::min(camera.width, camera.height));
     if (inset > 0) box = {0, 0, camera.width, camera.height};
-    if (box.width == 0 || box.height == 0) return picture_;
+    if (box.width == 0 || box.height == 0) return picture;
     Drawing& d = drawing({mesh, box.width, box.height, samples, options.paint, options.lit,
                           options.wireframe, options.blueFirst, inset},
                          posing);
@@ -279,19 +287,26 @@ const std::vector<uint32_t>& Scene::draw(MeshKind mesh, const Camera& camera,
     raster.fx *= f(samples), raster.fy *= f(samples);
     raster.cx = f(samples * (camera.cx - box.x)), raster.cy = f(samples * (camera.cy - box.y));
     d.graph.write(d.camera, cameraValues(raster));
-    std::vector<int32_t> behind;
+    auto row = [&](auto& image, int y) {
+        return &image[static_cast<size_t>(box.y + y) * width + static_cast<size_t>(box.x)];
+    };
+    auto wide = static_cast<size_t>(box.width);
+    size_t pixels = wide * static_cast<size_t>(box.height);
+    bool changed = d.behind.size() != pixels;
+    d.behind.resize(pixels);
+    d.drawn.resize(pixels);
     for (int y = 0; y < box.height; ++y) {
-        const uint32_t* row =
-            &background[static_cast<size_t>(box.y + y) * width + static_cast<size_t>(box.x)];
-        behind.insert(behind.end(), row, row + box.width);
+        int32_t* known = &d.behind[static_cast<size_t>(y) * wide];
+        if (std::memcmp(known, row(background, y), 4 * wide) == 0) continue;
+        std::memcpy(known, row(background, y), 4 * wide);
+        changed = true;
     }
-    d.graph.write(d.background, behind);
+    if (changed) d.graph.write(d.background, d.behind);
     d.graph.run();
-    std::vector<uint32_t> drawn = d.graph.read<uint32_t>(d.picture);
+    d.graph.read(d.picture, std::span(d.drawn));
     for (int y = 0; y < box.height; ++y)
-        std::copy_n(&drawn[static_cast<size_t>(y * box.width)], box.width,
-                    &picture_[static_cast<size_t>(box.y + y) * width + static_cast<size_t>(box.x)]);
-    return picture_;
+        std::copy_n(&d.drawn[static_cast<size_t>(y) * wide], wide, row(picture, y));
+    return picture;
 }
 
 std::vector<float> Scene::vertices(MeshKind mesh) { return posed(mesh).hostVerts; }

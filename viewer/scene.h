@@ -53,10 +53,11 @@ public:
     void prepare(MeshKind mesh) { posed(mesh); }
 
     // Pixels [H,W] of four bytes. background: the same; samples: per pixel and axis, averaged. Only
-    // the rectangle around the avatar is computed, the rest is the background.
-    const std::vector<uint32_t>& draw(MeshKind mesh, const Camera& camera,
-                                      const ViewTransform& view, const ShadeOptions& options,
-                                      std::span<const uint32_t> background, int samples = 1);
+    // the rectangle around the avatar is computed, the rest is the background. reused: memory for
+    // the picture, as of the one before.
+    std::vector<uint32_t> draw(MeshKind mesh, const Camera& camera, const ViewTransform& view,
+                               const ShadeOptions& options, std::span<const uint32_t> background,
+                               int samples = 1, std::vector<uint32_t> reused = {});
 
     // [V,3] as it is posed now: world, and camera space.
     std::vector<float> vertices(MeshKind mesh);
@@ -86,7 +87,6 @@ private:
     Trans trans_{};
     Betas betas_;
     uint64_t poseVersion_ = 1;
-    std::vector<uint32_t> picture_;
 };
 
 }  // namespace doppel

@@ -489,21 +489,27 @@ void Viewer::updatePictures() {
     auto before = Clock::now();
     scene_->setPose(thetaOf(now.pose), transOf(now.pose), now.betas);
     pixels_.resize(panes_.size());
-    std::optional<TextureKind> loaded;
     for (size_t i = 0; i < panes_.size(); ++i) scene_->prepare(panes_[i].mesh);
     times_.pose = milliseconds(Clock::now() - before);
     before = Clock::now();
     for (size_t i = 0; i < panes_.size(); ++i) {
         const Pane& pane = panes_[i];
-        if (loaded != pane.texture) scene_->setTexture(textures_.at(pane.texture));
-        loaded = pane.texture;
+        useTexture(pane.texture);
         pixels_[i] = scene_->draw(pane.mesh, cameraOf(pane), view(), shadeOptions(pane),
-                                  backgroundOf(pane), now.samples);
+                                  backgroundOf(pane), now.samples, std::move(pixels_[i]));
     }
     times_.draw = milliseconds(Clock::now() - before);
     shown_ = std::move(now);
     ++pictures_;
     framesToDraw_ = std::max(framesToDraw_, 1);
+}
+
+// Gives the scene this texture, unless it has it.
+void Viewer::useTexture(TextureKind kind) {
+    std::pair wanted{kind, textureVersion_};
+    if (sceneTexture_ == wanted) return;
+    scene_->setTexture(textures_.at(kind));
+    sceneTexture_ = wanted;
 }
 
 // Takes what the painter has finished, and asks for what the view lacks.
@@ -643,11 +649,11 @@ void Viewer::advanceFilm() {
             if (painted_[film.pane.texture] != viewVersion_) return;  // not yet
         }
         film.asked = false;
-        scene_->setTexture(textures_.at(film.pane.texture));
+        useTexture(film.pane.texture);
         std::span<const uint32_t> background = backgroundOf(film.pane);
         ShadeOptions shade = shadeOptions(film.pane);
         shade.blueFirst = false;
-        const std::vector<uint32_t>& pixels =
+        std::vector<uint32_t> pixels =
             scene_->draw(film.pane.mesh, cameraOf(film.pane), view(), shade, background, 2);
         Image image(film.pane.width, film.pane.height, 3);
         for (size_t i = 0; i < pixels.size(); ++i)

@@ -135,6 +135,7 @@ private:
     void updatePictures();
     bool messageVisible() const;
     void updateTextures();
+    void useTexture(TextureKind kind);
     TextureKind bestTexture() const;
     bool paintsViews(TextureKind kind) const;
     ViewTransform view() const;
@@ -209,6 +210,7 @@ private:
 
     // Textures as they were painted last.
     std::map<TextureKind, std::vector<float>> textures_;
+    std::pair<TextureKind, uint64_t> sceneTexture_{};  // and its version, as the scene has it
     uint64_t textureVersion_ = 1, viewVersion_ = 1;
     std::map<TextureKind, uint64_t> painted_;  // the view each was painted for
     double paintSeconds_ = 1;

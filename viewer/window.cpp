@@ -12,6 +12,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
+#include <future>
 #include <optional>
 
 namespace doppel {
@@ -93,7 +94,12 @@ struct Window::Parts {
     std::vector<VkSemaphore> drawn;  // per image: what presenting it waits for
     bool stale = true;               // the swapchain has to be made anew
     int swapchains = 0;
-    bool pending = false;  // a submission is on its way
+    bool pending = false;             // a submission is on its way
+    std::future<VkResult> presented;  // of that submission; it has the queue for itself till then
+
+    // Asked for once per frame: each is a message to the X server and back.
+    int wide = 0, high = 0;  // 0 while minimised
+    double scale = 1;
 
     VkBuffer staging = VK_NULL_HANDLE;
     VkDeviceMemory stagingMemory = VK_NULL_HANDLE;
@@ -109,8 +115,10 @@ struct Window::Parts {
     void dropSwapchain();
     void makeSurface();
     void reserveStaging(VkDeviceSize bytes);
+    void measure();
     void waitForFrame();
     uint32_t acquire();
+    VkResult present(uint32_t image);
     void record(uint32_t image, std::span<const PlacedPicture> pictures);
 };
 
@@ -128,6 +136,7 @@ void Window::Parts::openWindow(const WindowOptions& options) {
     window =
         glfwCreateWindow(options.width, options.height, options.title.c_str(), nullptr, nullptr);
     if (!window) throwMachine("no window can be opened: {}", glfwReason());
+    measure();
     glfwSetWindowUserPointer(window, this);
     // Before ImGui's, which calls them in turn.
     glfwSetKeyCallback(window, [](GLFWwindow* w, int key, int, int action, int modifiers) {
@@ -411,11 +420,25 @@ void Window::Parts::reserveStaging(VkDeviceSize bytes) {
     stagingBytes = bytes;
 }
 
+void Window::Parts::measure() {
+    int across = 0;
+    glfwGetFramebufferSize(window, &wide, &high);
+    glfwGetWindowSize(window, &across, nullptr);
+    scale = across > 0 ? static_cast<double>(wide) / across : 1;
+    if (glfwGetWindowAttrib(window, GLFW_ICONIFIED)) wide = high = 0;
+}
+
 void Window::Parts::waitForFrame() {
     if (!pending) return;
+    pending = false;
+    VkResult result = presented.get();
+    if (result == VK_ERROR_OUT_OF_DATE_KHR || result == VK_SUBOPTIMAL_KHR ||
+        result == VK_ERROR_SURFACE_LOST_KHR)
+        stale = true;
+    else
+        VK_CHECK(result);
     VK_CHECK(vkWaitForFences(device, 1, &done, VK_TRUE, UINT64_MAX));
     VK_CHECK(vkResetFences(device, 1, &done));
-    pending = false;
 }
 
 // The number of the next image; kNone where there is none this time.
@@ -493,7 +516,29 @@ void Window::Parts::record(uint32_t image, std::span<const PlacedPicture> pictur
     VK_CHECK(vkEndCommandBuffer(commands));
 }
 
+// A CPU draws the frame before this returns.
+VkResult Window::Parts::present(uint32_t image) {
+    VkPipelineStageFlags stage = VK_PIPELINE_STAGE_TRANSFER_BIT;
+    VkSubmitInfo submit{VK_STRUCTURE_TYPE_SUBMIT_INFO};
+    submit.waitSemaphoreCount = 1;
+    submit.pWaitSemaphores = &acquired;
+    submit.pWaitDstStageMask = &stage;
+    submit.commandBufferCount = 1;
+    submit.pCommandBuffers = &commands;
+    submit.signalSemaphoreCount = 1;
+    submit.pSignalSemaphores = &drawn[image];
+    VK_CHECK(vkQueueSubmit(queue, 1, &submit, done));
+    VkPresentInfoKHR info{VK_STRUCTURE_TYPE_PRESENT_INFO_KHR};
+    info.waitSemaphoreCount = 1;
+    info.pWaitSemaphores = &drawn[image];
+    info.swapchainCount = 1;
+    info.pSwapchains = &swapchain;
+    info.pImageIndices = &image;
+    return vkQueuePresentKHR(queue, &info);
+}
+
 Window::Parts::~Parts() {
+    if (presented.valid()) presented.wait();
     if (device) vkDeviceWaitIdle(device);
     if (imguiReady) {
         if (ImGui::GetIO().BackendRendererUserData) ImGui_ImplVulkan_Shutdown();
@@ -535,7 +580,8 @@ bool Window::begin(double seconds) {
         glfwPollEvents();
     p.keysNow = std::move(p.keys);
     p.keys.clear();
-    if (width() == 0 || height() == 0) return false;
+    p.measure();
+    if (p.wide == 0 || p.high == 0) return false;
     ImGui_ImplVulkan_NewFrame();
     ImGui_ImplGlfw_NewFrame();
     ImGui::NewFrame();
@@ -552,29 +598,8 @@ void Window::end(std::span<const PlacedPicture> pictures) {
     uint32_t image = p.acquire();
     if (image == kNone) return;
     p.record(image, pictures);
-    VkPipelineStageFlags stage = VK_PIPELINE_STAGE_TRANSFER_BIT;
-    VkSubmitInfo submit{VK_STRUCTURE_TYPE_SUBMIT_INFO};
-    submit.waitSemaphoreCount = 1;
-    submit.pWaitSemaphores = &p.acquired;
-    submit.pWaitDstStageMask = &stage;
-    submit.commandBufferCount = 1;
-    submit.pCommandBuffers = &p.commands;
-    submit.signalSemaphoreCount = 1;
-    submit.pSignalSemaphores = &p.drawn[image];
-    VK_CHECK(vkQueueSubmit(p.queue, 1, &submit, p.done));
+    p.presented = std::async(std::launch::async, [&p, image] { return p.present(image); });
     p.pending = true;
-    VkPresentInfoKHR present{VK_STRUCTURE_TYPE_PRESENT_INFO_KHR};
-    present.waitSemaphoreCount = 1;
-    present.pWaitSemaphores = &p.drawn[image];
-    present.swapchainCount = 1;
-    present.pSwapchains = &p.swapchain;
-    present.pImageIndices = &image;
-    VkResult result = vkQueuePresentKHR(p.queue, &present);
-    if (result == VK_ERROR_OUT_OF_DATE_KHR || result == VK_SUBOPTIMAL_KHR ||
-        result == VK_ERROR_SURFACE_LOST_KHR)
-        p.stale = true;
-    else
-        VK_CHECK(result);
 }
 
 void Window::skip() { ImGui::EndFrame(); }
@@ -582,24 +607,9 @@ void Window::skip() { ImGui::EndFrame(); }
 bool Window::closed() const { return glfwWindowShouldClose(parts_->window); }
 void Window::close() { glfwSetWindowShouldClose(parts_->window, GLFW_TRUE); }
 
-int Window::width() const {
-    int width = 0, height = 0;
-    glfwGetFramebufferSize(parts_->window, &width, &height);
-    return glfwGetWindowAttrib(parts_->window, GLFW_ICONIFIED) ? 0 : width;
-}
-
-int Window::height() const {
-    int width = 0, height = 0;
-    glfwGetFramebufferSize(parts_->window, &width, &height);
-    return glfwGetWindowAttrib(parts_->window, GLFW_ICONIFIED) ? 0 : height;
-}
-
-double Window::scale() const {
-    int framebuffer = 0, window = 0;
-    glfwGetFramebufferSize(parts_->window, &framebuffer, nullptr);
-    glfwGetWindowSize(parts_->window, &window, nullptr);
-    return window > 0 ? static_cast<double>(framebuffer) / window : 1;
-}
+int Window::width() const { return parts_->wide; }
+int Window::height() const { return parts_->high; }
+double Window::scale() const { return parts_->scale; }
 
 bool Window::blueFirst() const { return parts_->format.format == VK_FORMAT_B8G8R8A8_UNORM; }
 const std::vector<KeyPress>& Window::keys() const { return parts_->keysNow; }

@@ -44,7 +44,9 @@ public:
     // begun, unless there is nothing to draw on (minimised, or no size): then false.
     bool begin(double seconds);
     // Draws the pictures and ImGui over them. One frame is on its way at most, so what is drawn is
-    // on the screen one frame after the events that it answers.
+    // on the screen one frame after the events that it answers. A thread presents it: a CPU takes
+    // milliseconds for that, in which the next frame begins. What goes wrong there, shows here the
+    // next time.
     void end(std::span<const PlacedPicture> pictures);
 
     // Instead of end(): the screen stays as it is.
@@ -52,7 +54,7 @@ public:
 
     bool closed() const;
     void close();
-    // Framebuffer pixels; 0 while minimised.
+    // Framebuffer pixels as of the last begin(); 0 while minimised.
     int width() const;
     int height() const;
     // Framebuffer pixels per unit of window coordinates.
