@@ -526,6 +526,27 @@ TEST(Ik, TakesPosesFromCamerasAndBeyondLimits) {
     EXPECT_LT(drag.largestStep, 30 * kDegree);
 }
 
+TEST(Ik, GoesBeyondLimitsWhereTheyAreOff) {
+    // A foot behind the neck.
+    const Pose from = standing();
+    const glm::dvec3 target = placeOf(from, joint::kLeftHip) + glm::dvec3(0, .4, -.4);
+    const std::vector<IkTarget> targets{{joint::kLeftAnkle, target}};
+    const auto beyond = [&](const Pose& pose) {
+        double most = 0;
+        for (size_t j = 1; j < joint::kCount; ++j)
+            for (double by :
+                 beyondLimits(j, quaternionOf(pose.rotation[j]), quaternionOf(from.rotation[j])))
+                most = std::max(most, by);
+        return most;
+    };
+    const Pose within = solveIk(skeleton(), from, targets);
+    EXPECT_GT(glm::distance(placeOf(within, joint::kLeftAnkle), target), .1);
+    EXPECT_LT(beyond(within), 1e-6);
+    const Pose free = solveIk(skeleton(), from, targets, {.limits = false});
+    EXPECT_LT(glm::distance(placeOf(free, joint::kLeftAnkle), target), .005);
+    EXPECT_GT(beyond(free), .5);
+}
+
 TEST(Ik, LeavesThePoseWhereATargetIsNoPlace) {
     const Pose from = standing();
     const glm::dvec3 place = placeOf(from, joint::kLeftWrist) + glm::dvec3(0, .1, .1);

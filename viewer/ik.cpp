@@ -265,6 +265,10 @@ private:
         return sum;
     }
 
+    glm::dquat limited(size_t j, const glm::dquat& turn) const {
+        return options_.limits ? clampJoint(j, turn, began_[j]) : turn;
+    }
+
     // The axis of an unknown in the world.
     glm::dvec3 worldAxis(const Mover& mover, int k) const {
         const glm::dvec3& axis = mover.axes[static_cast<size_t>(k)];
@@ -344,7 +348,7 @@ private:
             for (size_t m = 0; m < movers_.size(); ++m) {
                 const Mover& mover = movers_[m];
                 const size_t j = mover.joint;
-                if (mover.place || j == joint::kPelvis) continue;
+                if (!options_.limits || mover.place || j == joint::kPelvis) continue;
                 const auto after = beyondLimits(j, state.turn[j], began_[j]);
                 for (size_t limit = 0; limit < after.size(); ++limit) {
                     if (after[limit] < 1e-9 || stopped[m][limit]) continue;
@@ -368,8 +372,7 @@ private:
         }
         for (const Mover& mover : movers_) {
             if (mover.place) continue;
-            state.turn[mover.joint] =
-                clampJoint(mover.joint, state.turn[mover.joint], began_[mover.joint]);
+            state.turn[mover.joint] = limited(mover.joint, state.turn[mover.joint]);
         }
         place(state);
         return state;
@@ -408,8 +411,7 @@ private:
             const double flexion = bendOf(mover.joint, turn).flexion;
             if (flexion >= kFirstBend || flexion < kBentBackwards) continue;
             const double missing = kFirstBend - flexion;
-            turn = clampJoint(mover.joint, quaternionOf(missing * mover.axes[0]) * turn,
-                              began_[mover.joint]);
+            turn = limited(mover.joint, quaternionOf(missing * mover.axes[0]) * turn);
         }
         place(now_);
     }
@@ -424,7 +426,7 @@ private:
             const auto parent = static_cast<size_t>(skeleton_.parents[j]);
             const glm::dquat kept =
                 glm::conjugate(now_.global[parent]) * glm::quat_cast(target.orientation);
-            now_.turn[j] = clampJoint(j, glm::normalize(kept), began_[j]);
+            now_.turn[j] = limited(j, glm::normalize(kept));
         }
     }
 

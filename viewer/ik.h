@@ -32,6 +32,9 @@ IkTarget pinnedAt(const PosedSkeleton& posed, size_t joint);
 struct IkOptions {
     // The pose in which the drag began; null: `start`. Limits and resistance count from there.
     const Pose* began = nullptr;
+    // Joints stay within human ranges. Without, they turn as far as the target asks, elbows and
+    // knees still about their one axis.
+    bool limits = true;
     double tolerance = 1e-4;  // metres within which a target counts as reached
     int steps = 24;           // of each of the few rounds at most
 };

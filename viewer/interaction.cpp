@@ -270,7 +270,8 @@ void Viewer::dragJoint() {
     std::vector<IkTarget> targets{{.joint = *selected_, .position = goal}};
     for (size_t pin : pins_)
         if (pin != *selected_) targets.push_back(pinnedAt(began, pin));
-    editor_->setPose(solveIk(skeleton(), editor_->pose(), targets, {.began = &dragBegan_}));
+    editor_->setPose(solveIk(skeleton(), editor_->pose(), targets,
+                             {.began = &dragBegan_, .limits = settings_.limits}));
 }
 
 void Viewer::dragRing() {

@@ -203,7 +203,7 @@ void Viewer::drawPoseTab() {
     ImGui::SameLine();
     if (ImGui::Button("paste")) attempt([&] { editor.paste(window_.clipboard()); });
     ImGui::SameLine();
-    ImGui::Checkbox("limits when turning", &settings_.limits);
+    ImGui::Checkbox("joint limits", &settings_.limits);
 
     ImGui::Separator();
     ImGui::TextDisabled("degrees about the joint's own axes");
