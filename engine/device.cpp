@@ -98,6 +98,7 @@ DeviceInfo describe(VkInstance instance, VkPhysicalDevice physical, uint32_t ind
     vkGetPhysicalDeviceFeatures2(physical, &features);
     info.addresses = features12.bufferDeviceAddress;
     info.int64 = features.features.shaderInt64;
+    info.int64Atomics = features12.shaderBufferInt64Atomics;
     if (std::ranges::all_of(MatrixFeatures::kExtensions,
                             [&](const char* name) { return hasExtension(physical, name); }))
         info.halfMatrices = halfMatrixShape(instance, physical);
@@ -195,6 +196,7 @@ Device::Device(DeviceOptions options) {
             VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES};
         features12.scalarBlockLayout = VK_TRUE;
         features12.bufferDeviceAddress = addresses ? VK_TRUE : VK_FALSE;
+        features12.shaderBufferInt64Atomics = info_.int64Atomics ? VK_TRUE : VK_FALSE;
         VkDeviceCreateInfo deviceInfo{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO};
         deviceInfo.pNext = &features12;
         MatrixFeatures matrixFeatures;

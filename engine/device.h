@@ -52,6 +52,7 @@ struct DeviceInfo {
     std::optional<MatrixShape> halfMatrices;  // what a subgroup multiplies at once
     bool cpu = false;                   // lanes of a subgroup are a CPU's vector: loads are gathers
     bool int64 = false;                 // integers of 64 bits in shaders
+    bool int64Atomics = false;          // and atomics of them in buffers
     std::vector<std::string> refusals;  // why it cannot be used; empty: it can
     int score = 0;                      // the best usable device has the highest
 };

@@ -166,47 +166,91 @@ Tensor softSilhouette(Graph& graph, const RasterMesh& mesh, const Tensor& verts,
 
 // ---- visibility buffer --------------------------------------------------------------------------
 
-VisibilityBuffer visibilityBuffer(Graph& graph, const RasterMesh& mesh, const Tensor& verts,
-                                  const Tensor& camera, int64_t height, int64_t width,
-                                  const RasterOptions& options) {
+NearestFaces nearestFaces(Graph& graph, const RasterMesh& mesh, const Tensor& verts,
+                          const Tensor& camera, int64_t height, int64_t width,
+                          const RasterOptions& options) {
     checkRender(mesh, verts, camera, height, width);
+    const Device& device = graph.device();
     uint32_t faces = u32(mesh.faces);
-    VisibilityBuffer result{graph.temporary({height, width}, ElementType::I32),
-                            graph.temporary({height, width}), graph.temporary({height, width, 4})};
-    Tensor nearness = graph.temporary({height, width}, ElementType::I32);
-
-    graph.beginOp("visibility_buffer");
-    Tensor screen = project(
+    NearestFaces result;
+    // Descriptors are for tests: two passes are tested there.
+    result.keys = device.info().int64Atomics && device.binding() == Binding::Addresses;
+    graph.beginOp("nearest_faces");
+    result.screen = project(
         graph, mesh, verts, camera,
         {u32(mesh.vertices), static_cast<float>(width) / 2, static_cast<float>(height) / 2});
     Tensor large = largeList(graph, mesh);
+    VisibilityParams params{
+        faces, u32(width), u32(height), options.largeBox, 0, divisorOf(uint64_t(width))};
+    if (result.keys) {
+        result.index = graph.temporary({height, width, 2}, ElementType::I32);
+        graph.fill(result.index);
+        graph.dispatch("raster/visibility_keys.small",
+                       {{"faces", mesh.faceVertices},
+                        {"screen", result.screen},
+                        {"keys", result.index},
+                        {"large", large}},
+                       params, faces);
+        graph.dispatchGroups("raster/visibility_keys.large",
+                             {{"faces", mesh.faceVertices},
+                              {"screen", result.screen},
+                              {"keys", result.index},
+                              {"large", large}},
+                             params, kLargeGroups);
+        return result;
+    }
+    result.index = graph.temporary({height, width}, ElementType::I32);
+    Tensor nearness = graph.temporary({height, width}, ElementType::I32);
     graph.fill(nearness);
-    graph.fill(result.faceIndex, 0xffffffffu);
-    VisibilityParams params{faces, u32(width), u32(height), options.largeBox, 0,
-                            divisorOf(uint64_t(width))};
+    graph.fill(result.index, 0xffffffffu);
     for (params.pass = 0; params.pass < 2; ++params.pass) {
         graph.dispatch("raster/visibility.small",
                        {{"faces", mesh.faceVertices},
-                        {"screen", screen},
+                        {"screen", result.screen},
                         {"nearness", nearness},
-                        {"index", result.faceIndex},
+                        {"index", result.index},
                         {"large", large}},
                        params, faces);
         graph.dispatchGroups("raster/visibility.large",
                              {{"faces", mesh.faceVertices},
-                              {"screen", screen},
+                              {"screen", result.screen},
                               {"nearness", nearness},
-                              {"index", result.faceIndex},
+                              {"index", result.index},
                               {"large", large}},
                              params, kLargeGroups);
     }
+    return result;
+}
+
+VisibilityBuffer visibilityBuffer(Graph& graph, const RasterMesh& mesh, const Tensor& verts,
+                                  const Tensor& camera, int64_t height, int64_t width,
+                                  const RasterOptions& options) {
+    NearestFaces nearest = nearestFaces(graph, mesh, verts, camera, height, width, options);
+    VisibilityBuffer result{nearest.index, graph.temporary({height, width}),
+                            graph.temporary({height, width, 4})};
+    VisibilityParams params{u32(mesh.faces),  u32(width), u32(height),
+                            options.largeBox, 0,          divisorOf(uint64_t(width))};
+    auto pixels = static_cast<uint64_t>(height * width);
+    graph.beginOp("visibility_buffer");
+    if (nearest.keys) {
+        result.faceIndex = graph.temporary({height, width}, ElementType::I32);
+        graph.dispatch("raster/visibility_keys.resolve",
+                       {{"faces", mesh.faceVertices},
+                        {"screen", nearest.screen},
+                        {"keys", nearest.index},
+                        {"index", result.faceIndex},
+                        {"mask", result.mask},
+                        {"surface", result.surface}},
+                       params, pixels);
+        return result;
+    }
     graph.dispatch("raster/visibility.resolve",
                    {{"faces", mesh.faceVertices},
-                    {"screen", screen},
+                    {"screen", nearest.screen},
                     {"index", result.faceIndex},
                     {"mask", result.mask},
                     {"surface", result.surface}},
-                   params, static_cast<uint64_t>(height * width));
+                   params, pixels);
     return result;
 }
 

@@ -63,6 +63,17 @@ struct VisibilityBuffer {
 VisibilityBuffer visibilityBuffer(Graph& graph, const RasterMesh& mesh, const Tensor& verts,
                                   const Tensor& camera, int64_t height, int64_t width,
                                   const RasterOptions& options = {});
+// The nearest faces alone, as whoever shades a part of the picture reads them.
+struct NearestFaces {
+    Tensor screen;  // [V,4] pixels from the picture's centre, 1/depth, 0
+    // [H,W] int32; -1: none. With keys [H,W,2]: the face's complement and the bits of its 1/depth,
+    // both 0 where there is none; devices with 64-bit atomics find both in one pass.
+    Tensor index;
+    bool keys = false;
+};
+NearestFaces nearestFaces(Graph& graph, const RasterMesh& mesh, const Tensor& verts,
+                          const Tensor& camera, int64_t height, int64_t width,
+                          const RasterOptions& options = {});
 // Its mask alone.
 Tensor hardMask(Graph& graph, const RasterMesh& mesh, const Tensor& verts, const Tensor& camera,
                 int64_t height, int64_t width, const RasterOptions& options = {});

@@ -22,16 +22,17 @@ std::array<float, 3> axisAngle(const glm::dmat3& rotation) {
 
 }  // namespace
 
-// Pose in; vertices and normals in the world out, in memory that drawings read.
+// Pose in; vertices and normals in the world out, in memory that drawings read. Normals have a
+// graph of their own: a texture without a light needs none.
 struct Scene::Posing {
-    Graph graph;
+    Graph graph, shape;
     Parameters net;
     Tensor theta, trans, beta;
     Buffer verts, normals;
-    uint64_t version = 0;
+    uint64_t version = 0, shapeVersion = 0;
     std::vector<float> hostVerts;  // as verts
 
-    Posing(Device& device, const Avatar& avatar, MeshKind kind) : graph(device) {
+    Posing(Device& device, const Avatar& avatar, MeshKind kind) : graph(device), shape(device) {
         const BodyModel& body = avatar.body;
         theta = graph.input({72});
         trans = graph.input({3});
@@ -48,15 +49,25 @@ struct Scene::Posing {
         } else {
             posed = lbs(graph, skin, rest, theta, beta, trans).verts;
         }
-        MeshTopology topology = meshTopology(body.faces, body.vertexCount, body.file);
-        Tensor sums = vertexNormals(graph, posed, meshTensors(graph, topology));
         uint64_t bytes = 12 * static_cast<uint64_t>(body.vertexCount);
         verts = device.allocate(bytes, Memory::Device);
         normals = device.allocate(bytes, Memory::Device);
         graph.beginOp("keep_mesh");
         graph.copy(posed, graph.attach({&verts, 0, bytes}, posed.shape));
-        graph.copy(sums, graph.attach({&normals, 0, bytes}, posed.shape));
         graph.compile();
+
+        MeshTopology topology = meshTopology(body.faces, body.vertexCount, body.file);
+        Tensor units = vertexNormals(shape, shape.attach({&verts, 0, bytes}, posed.shape),
+                                     meshTensors(shape, topology));
+        shape.beginOp("keep_normals");
+        shape.copy(units, shape.attach({&normals, 0, bytes}, posed.shape));
+        shape.compile();
+    }
+
+    void findNormals() {
+        if (shapeVersion == version) return;
+        shape.run();
+        shapeVersion = version;
     }
 };
 
@@ -85,8 +96,8 @@ struct Scene::Drawing {
         Tensor origin = graph.constant(std::vector<float>(3), {3});
         Tensor verts = rigidTransform(graph, world, rotation, origin, translation);
         RasterMesh mesh = rasterMesh(graph, body.faces, body.vertexCount);
-        VisibilityBuffer seen = visibilityBuffer(graph, mesh, verts, camera,
-                                                 key.height * key.samples, key.width * key.samples);
+        NearestFaces seen = nearestFaces(graph, mesh, verts, camera, key.height * key.samples,
+                                         key.width * key.samples);
         Tensor map = graph.none();
         if (key.paint == kPaintVisibility) {
             Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
@@ -94,28 +105,38 @@ struct Scene::Drawing {
         }
         picture = graph.temporary({key.height, key.width}, ElementType::I32);
         Tensor marks = marksOf(avatar), corners = cornerUvs(body);
-        ShadeParams params{u(key.width), u(key.height), u(size), u(key.inset),
-                           key.blueFirst ? 1u : 0u};
+        ShadeParams params{u(key.width), u(key.height),           u(size),
+                           u(key.inset), key.blueFirst ? 1u : 0u, divisorOf(u(key.width))};
         Specialisation spec{{"paint", key.paint},
                             {"lit", key.lit ? 1u : 0u},
                             {"wireframe", key.wireframe ? 1u : 0u},
-                            {"samples", u(key.samples)}};
+                            {"samples", u(key.samples)},
+                            {"keys", seen.keys ? 1u : 0u}};
+        uint64_t pixels = uint64_t{u(key.width)} * u(key.height);
+        uint64_t most = (pixels + kSpan - 1) / kSpan;
+        Tensor spans = graph.temporary({static_cast<int64_t>(1 + most)}, ElementType::I32);
+        // A CPU pays for each workgroup.
+        uint64_t groups = device.info().cpu ? 64 : (pixels + 63) / 64;
         graph.beginOp("shade");
-        graph.dispatch("view/shade.forward",
-                       {{"index", seen.faceIndex},
-                        {"surface", seen.surface},
-                        {"verts", verts},
-                        {"normals", normals},
-                        {"marks", marks},
-                        {"faces", mesh.faceVertices},
-                        {"cornerUvs", corners},
-                        {"tex", tex},
-                        {"visibility", map},
-                        {"camera", camera},
-                        {"state", state},
-                        {"background", background},
-                        {"picture", picture}},
-                       params, uint64_t{u(key.width)} * u(key.height), spec);
+        graph.copy(background, picture);
+        graph.fill(spans.slice(0, 1));
+        graph.dispatch("view/shade.list", {{"index", seen.index}, {"spans", spans}}, params, most,
+                       spec);
+        graph.dispatchGroups(
+            "view/shade.forward",
+            {{"index", seen.index},
+             {"screen", seen.screen},
+             {"normals", normals},
+             {"marks", marks},
+             {"faces", mesh.faceVertices},
+             {"cornerUvs", corners},
+             {"tex", tex},
+             {"visibility", map},
+             {"state", state},
+             {"background", background},
+             {"picture", picture},
+             {"spans", spans}},
+            params, {static_cast<uint32_t>(std::min<uint64_t>(groups, 65535)), 1, 1}, spec);
         if (key.inset > 0)
             graph.dispatch("view/shade.inset",
                            {{"tex", tex}, {"visibility", map}, {"picture", picture}}, params,
@@ -268,6 +289,9 @@ std::vector<uint32_t> Scene::draw(MeshKind mesh, const Camera& camera, const Vie
     int inset = std::clamp(options.inset, 0, std::min(camera.width, camera.height));
     if (inset > 0) box = {0, 0, camera.width, camera.height};
     if (box.width == 0 || box.height == 0) return picture;
+    bool shaped = options.paint == kPaintClay || options.paint == kPaintNormals ||
+                  options.paint == kPaintParts || options.paint == kPaintClamps;
+    if (shaped || options.lit) posing.findNormals();
     Drawing& d = drawing({mesh, box.width, box.height, samples, options.paint, options.lit,
                           options.wireframe, options.blueFirst, inset},
                          posing);
@@ -297,8 +321,8 @@ std::vector<uint32_t> Scene::draw(MeshKind mesh, const Camera& camera, const Vie
     d.drawn.resize(pixels);
     for (int y = 0; y < box.height; ++y) {
         int32_t* known = &d.behind[static_cast<size_t>(y) * wide];
-        if (std::memcmp(known, row(background, y), 4 * wide) == 0) continue;
-        std::memcpy(known, row(background, y), 4 * wide);
+        if (std::memcmp(known, row(picture, y), 4 * wide) == 0) continue;
+        std::memcpy(known, row(picture, y), 4 * wide);
         changed = true;
     }
     if (changed) d.graph.write(d.background, d.behind);

@@ -476,10 +476,17 @@ void Window::Parts::record(uint32_t image, std::span<const PlacedPicture> pictur
     vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_TRANSFER_BIT,
                          0, 0, nullptr, 0, nullptr, 1, &barrier);
     uint64_t covered = 0;
-    for (const PlacedPicture& p : pictures)
+    uint32_t right = 0, bottom = 0;
+    for (const PlacedPicture& p : pictures) {
         covered += static_cast<uint64_t>(p.width) * static_cast<uint64_t>(p.height);
-    if (covered < uint64_t{extent.width} * extent.height) {
-        VkClearColorValue grey{{0.11f, 0.115f, 0.125f, 1}};
+        right = std::max(right, static_cast<uint32_t>(p.x + p.width));
+        bottom = std::max(bottom, static_cast<uint32_t>(p.y + p.height));
+    }
+    right = std::min(right, extent.width), bottom = std::min(bottom, extent.height);
+    VkClearColorValue grey{{0.11f, 0.115f, 0.125f, 1}};
+    // Pictures without gaps leave what is right of them and below; others anything.
+    bool tiled = covered >= uint64_t{right} * bottom;
+    if (!tiled) {
         vkCmdClearColorImage(commands, images[image], VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, &grey,
                              1, &whole);
         barrier.srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT;
@@ -511,6 +518,15 @@ void Window::Parts::record(uint32_t image, std::span<const PlacedPicture> pictur
     passInfo.framebuffer = framebuffers[image];
     passInfo.renderArea.extent = extent;
     vkCmdBeginRenderPass(commands, &passInfo, VK_SUBPASS_CONTENTS_INLINE);
+    std::vector<VkClearRect> rest;
+    if (tiled && right < extent.width)
+        rest.push_back({{{int32_t(right), 0}, {extent.width - right, extent.height}}, 0, 1});
+    if (tiled && bottom < extent.height && right > 0)
+        rest.push_back({{{0, int32_t(bottom)}, {right, extent.height - bottom}}, 0, 1});
+    if (!rest.empty()) {
+        VkClearAttachment clear{VK_IMAGE_ASPECT_COLOR_BIT, 0, {grey}};
+        vkCmdClearAttachments(commands, 1, &clear, static_cast<uint32_t>(rest.size()), rest.data());
+    }
     ImGui_ImplVulkan_RenderDrawData(ImGui::GetDrawData(), commands);
     vkCmdEndRenderPass(commands);
     VK_CHECK(vkEndCommandBuffer(commands));

@@ -63,6 +63,14 @@ vec3 edgeFunctions(Triangle t, vec2 p) {
     return vec3(edgeFunction(b, c), edgeFunction(c, a), edgeFunction(a, b));
 }
 
+// Perspective-correct barycentrics and depth (m) at p of the face with these corners.
+vec4 surfaceAt(vec4 a, vec4 b, vec4 c, vec2 p) {
+    Triangle t = makeTriangle(a, b, c, 0);
+    vec3 e = edgeFunctions(t, p), weights = e * t.inverseDepth;
+    float total = weights.x + weights.y + weights.z;
+    return vec4(weights / total, (e.x + e.y + e.z) / total);
+}
+
 // The number of a large face, out of their list. Lavapipe (Mesa 26 with LLVM 22) walks once through
 // the body of a loop that no lane enters, and does not mask loads whose address all lanes share: a
 // number from behind the list's end must not become an address.

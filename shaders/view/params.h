@@ -1,5 +1,6 @@
 #ifndef VIEW_PARAMS_H
 #define VIEW_PARAMS_H
+#include "common/divide.h"
 #include "common/shared.h"
 SHARED_BEGIN
 struct ShadeParams {
@@ -7,7 +8,9 @@ struct ShadeParams {
     uint textureSize;
     uint inset;      // side of the atlas shown in the lower right corner, pixels; 0: none
     uint blueFirst;  // 1: bytes of a pixel are B, G, R, A
+    Divisor byWidth;
 };
+const uint kSpan = 16;  // neighbouring pixels that are shaded together
 // What the surface is painted with.
 const uint kPaintTexture = 0;
 const uint kPaintClay = 1;

@@ -1,28 +1,42 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
 #include "common/op.glsl"
-#include "common/camera.h"
+#include "common/pairs.glsl"
+#include "raster/triangle.glsl"
 #include "view/params.h"
-// The viewer's picture from a visibility buffer: painted, lit, over a background, packed to bytes.
+// The viewer's picture from the nearest faces: painted, lit, over a background, packed to bytes.
+// Only stretches of pixels are shaded in which a face is seen, for a CPU's vectors would walk
+// through the shading of the others too.
 // What it paints is fixed in the pipeline: a CPU's vectors would walk through every branch.
 layout(constant_id = 1) const uint paint = kPaintTexture;
 layout(constant_id = 2) const uint lit = 0;        // 0: as it is painted
 layout(constant_id = 3) const uint wireframe = 0;  // 1: the faces' edges on top
-layout(constant_id = 4) const uint samples = 1;    // of the visibility buffer, per pixel and axis
-PARAMS(ShadeParams, 13)
-BUFFER(0, readonly, int, index);            // [H s,W s] face, -1: none
-BUFFER(1, readonly, vec4, surface);         // [H s,W s] barycentrics, depth
-BUFFER(2, readonly, float, verts);          // [V,3] camera space
-BUFFER(3, readonly, float, normals);        // [V,3] the body's world, unit length
-BUFFER(4, readonly, vec2, marks);           // [V] body part; clamp bound as part of the largest
-BUFFER(5, readonly, ivec4, faces);          // [F] v0, v1, v2, unused
-BUFFER(6, readonly, vec4, cornerUvs);       // [F,2] UVs of the corners: 0 and 1; 2, unused
-BUFFER(7, readonly, uint, tex);             // [S,S] R, G, B, A from the lowest byte
-BUFFER(8, readonly, float, visibility);     // [S,S]
-BUFFER(9, readonly, RasterCamera, camera);  // [1] of the visibility buffer
-BUFFER(10, readonly, ShadeState, state);    // [1]
-BUFFER(11, readonly, uint, background);     // [H,W] as tex
-BUFFER(12, writeonly, uint, picture);       // [H,W]
+layout(constant_id = 4) const uint samples = 1;    // of the nearest faces, per pixel and axis
+layout(constant_id = 5) const uint keys = 0;       // 1: of two numbers each, see nn/raster.h
+PARAMS(ShadeParams, 12)
+BUFFER(0, readonly, uint, index);           // [H s,W s,1 + keys] NearestFaces::index
+BUFFER(1, readonly, uint64_t, screen);      // [V,4] floats from raster/project.comp
+BUFFER(2, readonly, float, normals);        // [V,3] the body's world, unit length
+BUFFER(3, readonly, vec2, marks);           // [V] body part; clamp bound as part of the largest
+BUFFER(4, readonly, uint64_t, faces);       // [F,4] v0, v1, v2, unused
+BUFFER(5, readonly, uint64_t, cornerUvs);   // [F,4,2] UVs of the corners; the last unused
+BUFFER(6, readonly, uint, tex);             // [S,S] R, G, B, A from the lowest byte
+BUFFER(7, readonly, float, visibility);     // [S,S]
+BUFFER(8, readonly, ShadeState, state);     // [1]
+BUFFER(9, readonly, uint, background);      // [H,W] as the picture, which starts as its copy
+BUFFER(10, writeonly, uint, picture);       // [H,W]
+BUFFER(11, readwrite, uint, spans);         // [1+H W/kSpan] count, and where spans begin; unordered
+
+ivec3 faceVertices(uint face) {
+    uvec2 two = unpackUint2x32(faces.d[2 * face]);
+    return ivec3(two, unpackUint2x32(faces.d[2 * face + 1]).x);
+}
+vec2 screenAt(int v) { return unpackPair(screen.d[2 * v]); }
+vec4 corner(int v) { return vec4(screenAt(v), unpackPair(screen.d[2 * v + 1])); }
+
+// The face at a sample, -1: none.
+int faceAt(uint at) { return int(keys == 0 ? index.d[at] : ~index.d[2 * at]); }
 
 vec3 toLinear(vec3 c) {
     return mix(c / 12.92, pow((c + 0.055) / 1.055, vec3(2.4)), greaterThan(c, vec3(0.04045)));
@@ -65,18 +79,15 @@ vec3 paintAt(vec2 uv) {
                mix(texel(ivec2(low.x, high.y)), texel(high), share.x), share.y);
 }
 
-vec3 vertex(int v) { return vec3(verts.d[3 * v], verts.d[3 * v + 1], verts.d[3 * v + 2]); }
 vec3 normalOf(int v) {
     return vec3(normals.d[3 * v], normals.d[3 * v + 1], normals.d[3 * v + 2]);
 }
 
 // How much of a pixel's colour is an edge's, at the point with barycentrics b. Faces of a few
 // pixels keep most of their own colour, or a fine mesh would be nothing but edges.
-float edgeShare(ivec4 v, vec3 b) {
-    RasterCamera c = camera.d[0];
-    vec3 p0 = vertex(v.x), p1 = vertex(v.y), p2 = vertex(v.z);
-    vec2 scale = vec2(c.fx, c.fy) / float(samples);
-    vec2 s0 = scale * p0.xy / p0.z, s1 = scale * p1.xy / p1.z, s2 = scale * p2.xy / p2.z;
+float edgeShare(ivec3 v, vec3 b) {
+    vec2 s0 = screenAt(v.x) / float(samples), s1 = screenAt(v.y) / float(samples);
+    vec2 s2 = screenAt(v.z) / float(samples);
     float area = abs((s1.x - s0.x) * (s2.y - s0.y) - (s1.y - s0.y) * (s2.x - s0.x));
     vec3 lengths = vec3(distance(s1, s2), distance(s2, s0), distance(s0, s1));
     vec3 heights = area / max(lengths, 1e-6), distances = b * heights;
@@ -86,7 +97,7 @@ float edgeShare(ivec4 v, vec3 b) {
 }
 
 // Towards the eye is -z.
-vec3 normalAt(ivec4 v, vec3 b) {
+vec3 normalAt(ivec3 v, vec3 b) {
     ShadeState s = state.d[0];
     vec3 n = normalize(b.x * normalOf(v.x) + b.y * normalOf(v.y) + b.z * normalOf(v.z) +
                        vec3(0, 0, 1e-20));
@@ -94,12 +105,14 @@ vec3 normalAt(ivec4 v, vec3 b) {
                 dot(vec3(s.zx, s.zy, s.zz), n));
 }
 
-vec3 colourOf(uint sampleIndex, uint face) {
-    vec3 b = surface.d[sampleIndex].xyz, n = vec3(0, 0, -1), colour;
+// A face's at the sample in this column and row.
+vec3 colourOf(uint face, uint column, uint row) {
+    ivec3 v = faceVertices(face);
+    vec2 p = pixelCentre(int(column), int(row), params.width * samples, params.height * samples);
+    vec3 b = surfaceAt(corner(v.x), corner(v.y), corner(v.z), p).xyz;
+    vec3 n = vec3(0, 0, -1), colour;
     bool shaped = paint == kPaintClay || paint == kPaintNormals || paint == kPaintParts ||
                   paint == kPaintClamps;
-    ivec4 v = ivec4(0);
-    if (shaped || lit != 0 || wireframe != 0) v = faces.d[face];
     if (shaped || lit != 0) n = normalAt(v, b);
     // Without a light of its own the shape is lit from the eye, so that it shows.
     float headlight = lit != 0 ? 1 : 0.4 + 0.6 * max(-n.z, 0);
@@ -113,8 +126,9 @@ vec3 colourOf(uint sampleIndex, uint face) {
         float bound = b.x * m0.y + b.y * m1.y + b.z * m2.y;
         colour = (paint == kPaintParts ? partColour(part) : heatColour(bound)) * headlight;
     } else {
-        vec4 first = cornerUvs.d[2 * face], second = cornerUvs.d[2 * face + 1];
-        colour = paintAt(b.x * first.xy + b.y * first.zw + b.z * second.xy);
+        colour = paintAt(b.x * unpackPair(cornerUvs.d[4 * face]) +
+                         b.y * unpackPair(cornerUvs.d[4 * face + 1]) +
+                         b.z * unpackPair(cornerUvs.d[4 * face + 2]));
     }
     if (lit != 0 && paint != kPaintNormals) {
         ShadeState s = state.d[0];
@@ -128,19 +142,46 @@ vec3 colourOf(uint sampleIndex, uint face) {
     return colour;
 }
 
-ENTRY(forward) {
-    uint i = linearIndex();
-    if (i >= params.width * params.height) return;
-    uint x = i % params.width, y = i / params.width;
-    vec3 behind = unpackUnorm4x8(background.d[i]).rgb, colour = vec3(0);
-    for (uint k = 0; k < samples * samples; ++k) {
-        uint at = (y * samples + k / samples) * params.width * samples + x * samples + k % samples;
-        int face = index.d[at];
-        colour += face < 0 ? behind : colourOf(at, uint(face));
+// The spans in which a face is seen, one invocation for each.
+ENTRY(list) {
+    uint first = linearIndex() * kSpan, found = 0;
+    if (first >= params.width * params.height) return;
+    uint y = quotient(first, params.byWidth), x = remainder(first, y, params.byWidth);
+    [[unroll]] for (uint p = 0; p < kSpan; ++p) {
+        [[unroll]] for (uint k = 0; k < samples * samples; ++k) {
+            uint row = min(y, params.height - 1) * samples + k / samples;
+            uint column = x * samples + k % samples;
+            found |= faceAt(row * params.width * samples + column) < 0 ? 0 : 1;
+        }
+        ++x;
+        if (x == params.width) {
+            x = 0;
+            ++y;
+        }
     }
-    colour /= float(samples * samples);
-    if (params.blueFirst != 0) colour = colour.bgr;
-    picture.d[i] = packUnorm4x8(vec4(colour, 1));
+    if (found != 0) spans.d[1 + atomicAdd(spans.d[0], 1)] = first;
+}
+
+// Over the listed spans, as many pixels at a time as there are invocations.
+ENTRY(forward) {
+    uint pixels = params.width * params.height, last = (pixels - 1) / kSpan;
+    uint count = spans.d[0] * kSpan, step = gl_NumWorkGroups.x * gl_WorkGroupSize.x;
+    for (uint k = linearIndex(); k < count; k += step) {
+        // Clamped as well for lanes that are done: see faceInList().
+        uint i = min(spans.d[1 + min(k / kSpan, last)] + k % kSpan, pixels - 1);
+        uint y = quotient(i, params.byWidth), x = remainder(i, y, params.byWidth);
+        vec3 behind = unpackUnorm4x8(background.d[i]).rgb, colour = vec3(0);
+        if (params.blueFirst != 0) behind = behind.bgr;
+        for (uint n = 0; n < samples * samples; ++n) {
+            uint row = y * samples + n / samples, column = x * samples + n % samples;
+            int face = faceAt(row * params.width * samples + column);
+            vec3 own = colourOf(uint(max(face, 0)), column, row);
+            colour += face < 0 ? behind : own;
+        }
+        colour /= float(samples * samples);
+        if (params.blueFirst != 0) colour = colour.bgr;
+        picture.d[i] = packUnorm4x8(vec4(colour, 1));
+    }
 }
 
 // The atlas itself, in the lower right corner.
