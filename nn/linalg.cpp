@@ -115,6 +115,32 @@ Tensor pack(Graph& graph, const Source& s, int64_t steps, int64_t stepsInPanel, 
     return packed;
 }
 
+// A product with a matrix of a few rows, transposed; false where it has another shape.
+bool narrow(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const Gemm& g,
+            const Plan& p) {
+    auto even = [](std::initializer_list<int64_t> values) {
+        return std::ranges::all_of(values, [](int64_t v) { return v % 2 == 0; });
+    };
+    if (!p.onCpu || p.halves || g.n > 4 || g.m < 256 || g.k < 2 || p.parts > 1 || g.batch > 1 ||
+        g.transA || g.panelsA || g.panelsB || !g.transB || g.accumulate || g.relu || g.biasPerRow ||
+        !even({g.k, g.lda, g.startA, g.ldb, g.startB}))
+        return false;
+    GemmParams params{.m = u32(g.m),
+                      .n = u32(g.n),
+                      .k = u32(g.k),
+                      .lda = u32(g.lda),
+                      .ldb = u32(g.ldb),
+                      .ldc = u32(g.ldc),
+                      .startA = u32(g.startA),
+                      .startB = u32(g.startB),
+                      .startC = u32(g.startC)};
+    graph.dispatch("linalg/gemm_narrow.rows",
+                   {{"a", a}, {"b", b}, {"c", c}, {"bias", g.bias ? g.bias : graph.none()}}, params,
+                   static_cast<uint64_t>(g.m),
+                   {{"kLanes", p.lanes}, {"kColumns", u32(g.n)}, {"kBias", bool(g.bias)}});
+    return true;
+}
+
 }  // namespace
 
 uint32_t vectorLanes(const Device& device) {
@@ -185,6 +211,7 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
         gemm(graph, a, b, c, narrow);
         return;
     }
+    if (narrow(graph, a, b, c, g, p)) return;
     Tensor left = a, right = b;
     uint32_t layoutA = g.transA ? kGemmTransposed : g.panelsA ? kGemmPanels : kGemmRows;
     uint32_t layoutB = g.transB ? kGemmTransposed : g.panelsB ? kGemmPanels : kGemmRows;

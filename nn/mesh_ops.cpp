@@ -45,23 +45,37 @@ Tensor graphPanels(Graph& graph, const Tensor& x, const AdjacencyTensors& adjace
                              static_cast<uint32_t>(w.row), static_cast<uint32_t>(H),
                              divisorOf(uint64_t(H))};
     Specialisation spec{{"kRows", static_cast<uint32_t>(rows)}};
-    int64_t invocations = vertices * H;
-    const char* kernel = "mesh/graph_panels.gather";
     if (loadsPairs(graph.device()) && H == w.row) {
         int64_t columns = 16;
         while (H % columns != 0) columns -= 4;
-        spec["kColumns"] = static_cast<uint32_t>(columns);
-        invocations = (vertices + 1) / 2 * (H / columns);
         params.byPieces = divisorOf(uint64_t(H / columns));
-        kernel = "mesh/graph_panels_pairs.gather";
+        spec["kColumns"] = static_cast<uint32_t>(columns);
+        graph.dispatch("mesh/graph_panels_pairs.gather",
+                       {{"x", x},
+                        {"neighbourBegin", adjacency.begin},
+                        {"neighbours", adjacency.neighbours},
+                        {"panels", panels}},
+                       params, static_cast<uint64_t>((vertices + 1) / 2 * (H / columns)), spec);
+        return panels;
     }
-    graph.dispatch(kernel,
+    graph.dispatch("mesh/graph_panels.gather",
                    {{"x", x},
                     {"neighbourBegin", adjacency.begin},
                     {"neighbours", adjacency.neighbours},
                     {"panels", panels}},
-                   params, static_cast<uint64_t>(invocations), spec);
+                   params, static_cast<uint64_t>(vertices * H), spec);
     return panels;
+}
+
+StackParams stackParams(const GraphConvWeights& w) {
+    return {static_cast<uint32_t>(w.outputs), static_cast<uint32_t>(w.inputs),
+            static_cast<uint32_t>(w.row), static_cast<uint32_t>(w.halfColumns)};
+}
+
+void stackWeights(Graph& graph, const GraphConvWeights& w) {
+    graph.dispatch("mesh/stack.forward",
+                   {{"weight0", w.weight0}, {"weight1", w.weight1}, {"weight", w.weight}},
+                   stackParams(w), static_cast<uint64_t>(w.weight.elements()));
 }
 
 // y[V,O] = weight0 x + bias0 + what the neighbours give. With a tail [V,3]: ReLU, and the tail and
@@ -76,13 +90,8 @@ Tensor convolve(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency
                            static_cast<uint32_t>(row)};
     bool relu = bool(tail);
     Tensor y = graph.temporary({V, row});
-    Gemm product{.m = V,
-                 .n = O,
-                 .k = 2 * weights.halfColumns,
-                 .transB = true,
-                 .panelsA = true,
-                 .ldc = row,
-                 .relu = relu};
+    Gemm product{
+        .m = V, .n = O, .k = 2 * weights.halfColumns, .panelsA = true, .ldc = row, .relu = relu};
     graph.beginOp("graph_conv", flops(product));
     gemm(graph, graphPanels(graph, x, adjacency, weights), weights.wide, y, product);
     if (tail) graph.dispatch("mesh/tail.append", {{"tail", tail}, {"y", y}}, params, vertices);
@@ -108,6 +117,10 @@ Tensor convolve(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency
             {{"neighbourBegin", adjacency.begin}, {"neighbours", adjacency.neighbours}, {"dz", dz}},
             perVertex, invocations);
         Tensor largest = largestMagnitude(graph, dz);
+        if (graph.wantsGradient(x) && !*weights.stacked) {
+            stackWeights(graph, weights);
+            *weights.stacked = true;
+        }
         if (graph.wantsGradient(x))
             gemm(graph, dz, weights.weight, graph.gradientTarget(x),
                  {.m = V, .n = weights.row, .k = 2 * O, .largestA = largest});
@@ -248,11 +261,10 @@ GraphConvWeights graphConvWeights(Graph& graph, const Tensor& weight0, const Ten
     GraphConvWeights w{.inputs = I, .outputs = O, .row = row};
     // A column for the biases; x's own padding where there is some.
     w.halfColumns = row > I && row % 4 == 0 ? row : (I + 1 + 3) / 4 * 4;
-    StackParams params{static_cast<uint32_t>(O), static_cast<uint32_t>(I),
-                       static_cast<uint32_t>(row), static_cast<uint32_t>(w.halfColumns)};
+    StackParams params = stackParams(w);
     Tensor weight = w.weight = graph.temporary({2 * O, row});
     Tensor bias = w.bias = graph.temporary({2 * O});
-    w.wide = graph.temporary({O, 2 * w.halfColumns});
+    w.wide = graph.temporary({2 * w.halfColumns, O});
     graph.beginOp("graph_conv.weights");
     graph.dispatch("mesh/stack.side_by_side",
                    {{"weight0", weight0},
@@ -261,9 +273,9 @@ GraphConvWeights graphConvWeights(Graph& graph, const Tensor& weight0, const Ten
                     {"bias1", bias1},
                     {"wide", w.wide}},
                    params, static_cast<uint64_t>(w.wide.elements()));
-    graph.dispatch("mesh/stack.forward",
-                   {{"weight0", weight0}, {"weight1", weight1}, {"weight", weight}}, params,
-                   static_cast<uint64_t>(weight.elements()));
+    w.weight0 = weight0;
+    w.weight1 = weight1;
+    w.stacked = std::make_shared<bool>(false);
     graph.differentiate({weight0, bias0, weight1, bias1}, {weight, bias}, [=, &graph] {
         auto target = [&](const Tensor& input) {
             return graph.wantsGradient(input) ? graph.gradientTarget(input)
@@ -300,8 +312,13 @@ Tensor withTail(Graph& graph, const Tensor& x, int64_t columns, const Tensor& ta
         static_cast<uint32_t>(rowWithTail(columns)), divisorOf(uint64_t(rowWithTail(columns)))};
     Tensor y = graph.temporary({vertices, params.row});
     graph.beginOp("with_tail");
-    graph.dispatch("mesh/tail.replace", {{"x", x ? x : tail}, {"tail", tail}, {"y", y}}, params,
-                   uint64_t{vertices} * params.row);
+    if (x && x.dim(1) == params.row) {
+        graph.copy(x, y);
+        graph.dispatch("mesh/tail.append", {{"tail", tail}, {"y", y}}, params, vertices);
+    } else {
+        graph.dispatch("mesh/tail.replace", {{"x", x ? x : tail}, {"tail", tail}, {"y", y}}, params,
+                       uint64_t{vertices} * params.row);
+    }
     graph.differentiate({x, tail}, {y}, [=, &graph] {
         Tensor dy = graph.gradient(y);
         if (x && graph.wantsGradient(x)) {

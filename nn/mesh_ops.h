@@ -29,9 +29,12 @@ Tensor offsetClamp(Graph& graph, const Tensor& verts, const Tensor& offset, cons
 struct GraphConvWeights {
     int64_t inputs = 0, outputs = 0, row = 0;  // I, O
     int64_t halfColumns = 0;                   // H, see shaders/mesh/graph_panels.comp
-    Tensor wide;    // [O,2H] for the product: [weight0, bias0, zeros, weight1, bias1, zeros]
+    Tensor wide;    // [2H,O], of the product: [weight0, bias0, zeros, weight1, bias1, zeros]^T
     Tensor weight;  // [2O,row] for the gradients: weight0 above weight1, zeros behind
     Tensor bias;    // [2O] stands for the biases' gradient
+    // weight is made when the first gradient asks for it; until then:
+    Tensor weight0, weight1;        // [O,I]
+    std::shared_ptr<bool> stacked;  // whether it is made
 };
 // From weight0, weight1 [O,I], bias0, bias1 [O], for x with rows of `row` numbers, I or more; the
 // columns of x behind I are left out. Gradients to the four.

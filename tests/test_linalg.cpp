@@ -156,7 +156,8 @@ TEST(Linalg, ProductAddsToWhatIsThere) {
 }
 
 TEST(Linalg, Linear) {
-    for (auto [v, i, o] : {std::array{1, 1, 1}, {13, 7, 3}, {127, 131, 13}, {50, 16, 32}})
+    for (auto [v, i, o] :
+         {std::array{1, 1, 1}, {13, 7, 3}, {127, 131, 13}, {50, 16, 32}, {300, 36, 3}})
         for (bool withBias : {true, false}) {
             OpCase c{.inputs = {{"x", random({v, i}, 1)},
                                 {"weight", random({o, i}, 2)},

@@ -217,7 +217,8 @@ TEST(MeshOps, GraphConv) {
 }
 
 TEST(MeshOps, GraphConvLayer) {
-    for (auto [V, I, O, extra] : {std::array{13, 5, 13, 3}, std::array{127, 11, 16, 1}}) {
+    for (auto [V, I, O, extra] :
+         {std::array{13, 5, 13, 3}, std::array{13, 11, 32, 1}, std::array{127, 11, 16, 1}}) {
         OpCase testCase = graphConvCase(V, I, O);
         testCase.inputs["x"] = random({V, I + extra}, 1);
         testCase.inputs["tail"] = random({V, 3}, 6);

@@ -1,9 +1,10 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
+#include "common/pairs.glsl"
 #include "body/params.h"
 #include "body/rotation.glsl"
-PARAMS(BodyParams, 13)
+PARAMS(BodyParams, 14)
 BUFFER(0, readonly, vec3, posed);         // [V,3] in rest pose, all blend shapes added
 BUFFER(1, readonly, float, weights);      // [V,K]
 BUFFER(2, readonly, int, weightJoints);   // [V,K] whose they are
@@ -17,6 +18,7 @@ BUFFER(9, readonly, int, chunkBegin);     // [chunks+1] each chunk has one joint
 BUFFER(10, readwrite, vec4, partial);     // [chunks,3,4] of dtransforms
 BUFFER(11, readonly, int, jointChunks);   // [25] each joint's chunks
 BUFFER(12, writeonly, vec4, dtransforms); // [24,3,4]
+BUFFER(13, readonly, uint64_t, transformPairs);  // the transforms, half a row at a time
 
 // verts = sum of weight * transform, applied to posed, + trans
 ENTRY(forward) {
@@ -27,7 +29,9 @@ ENTRY(forward) {
     for (uint k = first; k < first + params.influences; ++k) {
         float weight = weights.d[k];
         uint j = 3 * weightJoints.d[k];
-        for (int row = 0; row < 3; ++row) rows[row] += weight * transforms.d[j + row];
+        [[unroll]] for (int row = 0; row < 3; ++row)
+            rows[row] += weight * vec4(unpackPair(transformPairs.d[2 * (j + row)]),
+                                       unpackPair(transformPairs.d[2 * (j + row) + 1]));
     }
     vec4 p = vec4(posed.d[v], 1);
     verts.d[v] = vec3(dot(rows[0], p), dot(rows[1], p), dot(rows[2], p)) + trans.d[0];

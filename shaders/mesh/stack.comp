@@ -8,7 +8,7 @@ BUFFER(1, readonly, float, bias0);      // [O]
 BUFFER(2, readonly, float, weight1);    // [O,I]
 BUFFER(3, readonly, float, bias1);      // [O]
 BUFFER(4, writeonly, float, weight);    // [2O,row] one above the other, zeros behind
-BUFFER(5, writeonly, float, wide);      // [O,2H] side by side; see graph_panels.comp
+BUFFER(5, writeonly, float, wide);      // [2H,O] side by side, transposed; see graph_panels.comp
 BUFFER(6, readonly, float, dweight);    // [2O,row]
 BUFFER(7, readonly, float, dbias);      // [2O]
 BUFFER(8, writeonly, float, dweight0);  // [O,I]
@@ -19,7 +19,7 @@ BUFFER(11, writeonly, float, dbias1);   // [O]
 ENTRY(side_by_side) {
     uint i = linearIndex(), H = params.halfColumns;
     if (i >= 2 * params.outputs * H) return;
-    uint feature = i / (2 * H), column = i % (2 * H);
+    uint feature = i % params.outputs, column = i / params.outputs;
     bool second = column >= H;
     if (second) column -= H;
     float value = 0;
