@@ -1,4 +1,9 @@
 // The runtime: hazards, reflection, memory plan, replay.
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "engine/cooperative_matrix.h"
 #include "engine/hazards.h"
 #include "nn/elementwise.h"
 #include "tests/op_test.h"
@@ -42,6 +47,51 @@ TEST(Kernels, ReflectionAndLimits) {
 }
 
 // A chain of ops needs room for few tensors at a time.
+// Few devices have cooperative matrices; that their kernel's module is whole is seen on any.
+TEST(Kernels, CooperativeMatrixTypesAreCompleted) {
+    constexpr uint32_t kTypeInt = 21, kTypeFloat = 22, kConstant = 43, kSpecConstant = 50,
+                       kTypeCooperativeMatrix = 4456;
+    auto row = std::ranges::find(shaderTable(), std::string_view("linalg/gemm_matrix.tile"),
+                                 &ShaderTableRow::name);
+    auto plain = std::ranges::find(shaderTable(), std::string_view("linalg/gemm.tile"),
+                                   &ShaderTableRow::name);
+    EXPECT_FALSE(usesCooperativeMatrices(plain->addresses));
+    for (SpirvRange given : {row->addresses, row->descriptors}) {
+        ASSERT_TRUE(usesCooperativeMatrices(given));
+        std::vector<uint32_t> module = completeMatrixTypes(given);
+        ASSERT_TRUE(std::equal(given.begin, given.begin + 3, module.begin()));
+        // What each id is, once it has been declared; a constant's value; a float's bits.
+        std::map<uint32_t, std::pair<uint32_t, uint32_t>> declared;
+        std::set<uint32_t> uses;
+        size_t at = 5, instructions = 0;
+        for (; at < module.size(); at += module[at] >> 16, ++instructions) {
+            const uint32_t* word = module.data() + at;
+            uint32_t op = *word & 0xffff, length = *word >> 16;
+            ASSERT_GT(length, 0u);
+            ASSERT_LE(at + length, module.size());
+            if (op == kTypeInt || op == kTypeFloat) declared[word[1]] = {op, word[2]};
+            if (op == kConstant || op == kSpecConstant) {
+                EXPECT_TRUE(declared.contains(word[1])) << "a constant's type comes before it";
+                EXPECT_LT(word[2], module[3]) << "ids are below the bound";
+                declared[word[2]] = {op, word[3]};
+            }
+            if (op != kTypeCooperativeMatrix) continue;
+            ASSERT_EQ(length, 7u);
+            for (uint32_t i = 2; i < 7; ++i)
+                ASSERT_TRUE(declared.contains(word[i])) << "operand " << i << " comes before";
+            uint32_t use = declared[word[6]].second;
+            EXPECT_EQ(declared[word[2]], std::pair(kTypeFloat, use == 2 ? 32u : 16u));
+            EXPECT_EQ(declared[word[3]].second, 3u) << "a subgroup's scope";
+            EXPECT_EQ(declared[word[4]].first, kSpecConstant) << "rows";
+            EXPECT_EQ(declared[word[5]].first, kSpecConstant) << "columns";
+            EXPECT_EQ(declared[word[6]].first, kConstant);
+            uses.insert(use);
+        }
+        EXPECT_EQ(at, module.size());
+        EXPECT_EQ(uses, (std::set<uint32_t>{0, 1, 2}));
+    }
+}
+
 TEST(GraphMemory, SharesAndStaysRight) {
     std::vector<float> x(1000);
     for (size_t i = 0; i < x.size(); ++i) x[i] = static_cast<float>(i) - 500;
