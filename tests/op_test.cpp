@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <map>
+#include <memory>
 #include <random>
 
 namespace doppel {
@@ -157,14 +159,14 @@ void expectInputError(const std::function<void()>& run, const std::string& words
     }
 }
 
+// By precision. main() destroys them: newer validation layers do not outlive it, as statics would.
+static std::map<Precision, std::unique_ptr<Device>> devices;
+
 Device& testDevice(Precision precision) {
+    std::unique_ptr<Device>& device = devices[precision];
     // A missing device throws, and that fails the test.
-    if (precision == Precision::Mixed) {
-        static Device mixed({.precision = Precision::Mixed});
-        return mixed;
-    }
-    static Device device;
-    return device;
+    if (!device) device = std::make_unique<Device>(DeviceOptions{.precision = precision});
+    return *device;
 }
 
 }  // namespace doppel
@@ -174,5 +176,7 @@ int main(int argc, char** argv) {
     setenv("DOPPEL_VALIDATION", "1", 0);
     setenv("DOPPEL_MATRIX_UNITS", "emulated", 0);
     testing::UnitTest::GetInstance()->listeners().Append(new doppel::ValidationIsSilent);
-    return RUN_ALL_TESTS();
+    int failed = RUN_ALL_TESTS();
+    doppel::devices.clear();
+    return failed;
 }
