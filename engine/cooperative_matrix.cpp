@@ -4,9 +4,11 @@
 #include <map>
 #include <string_view>
 
-#include "engine/error.h"
+#include "engine/spirv.h"
 
 namespace doppel {
+
+using namespace spirv;
 
 namespace {
 
@@ -24,36 +26,8 @@ struct Properties {
 };
 using GetProperties = VkResult(VKAPI_PTR*)(VkPhysicalDevice, uint32_t*, Properties*);
 
-// The SPIR-V specification's numbers.
-enum SpirvOp : uint32_t {
-    kOpName = 5,
-    kOpCapability = 17,
-    kOpTypeInt = 21,
-    kOpTypeFloat = 22,
-    kOpConstant = 43,
-    kOpSpecConstant = 50,
-    kOpFunction = 54,
-    kOpDecorate = 71,
-    kOpTypeCooperativeMatrix = 4456,
-};
 constexpr uint32_t kCooperativeMatrixCapability = 6022;
 constexpr uint32_t kUseA = 0, kUseB = 1, kUseAccumulator = 2;
-
-struct Instruction {
-    const uint32_t* begin;
-    uint32_t op, length;
-    uint32_t operator[](uint32_t i) const { return begin[i]; }
-};
-
-template <typename Visit>
-void eachInstruction(SpirvRange spirv, Visit visit) {
-    for (const uint32_t* word = spirv.begin + 5; word < spirv.end;) {
-        Instruction i{word, *word & 0xffff, *word >> 16};
-        CHECK(i.length > 0 && word + i.length <= spirv.end, "SPIR-V instructions fill the module");
-        visit(i);
-        word += i.length;
-    }
-}
 
 // Scalar types and constants come before everything that could refer to them.
 bool isScalar(uint32_t op) {
@@ -116,21 +90,21 @@ void* MatrixFeatures::chain(VkPhysicalDeviceVulkan12Features& next) {
     return &cooperative_;
 }
 
-bool usesCooperativeMatrices(SpirvRange spirv) {
+bool usesCooperativeMatrices(SpirvRange module) {
     bool uses = false;
-    eachInstruction(spirv, [&](const Instruction& i) {
+    eachInstruction(module, [&](const Instruction& i) {
         uses |= i.op == kOpCapability && i[1] == kCooperativeMatrixCapability;
     });
     return uses;
 }
 
-std::vector<uint32_t> completeMatrixTypes(SpirvRange spirv) {
+std::vector<uint32_t> completeMatrixTypes(SpirvRange module) {
     std::map<uint32_t, uint32_t> ints, floats;  // bits -> type
     std::map<std::string_view, uint32_t> names;
-    eachInstruction(spirv, [&](const Instruction& i) {
+    eachInstruction(module, [&](const Instruction& i) {
         if (i.op == kOpTypeInt) ints[i[2]] = i[1];
         if (i.op == kOpTypeFloat) floats[i[2]] = i[1];
-        if (i.op == kOpName) names[reinterpret_cast<const char*>(i.begin + 2)] = i[1];
+        if (i.op == kOpName) names[i.text(2)] = i[1];
     });
     auto idOf = [&](const auto& map, auto key) {
         auto found = map.find(key);
@@ -138,9 +112,9 @@ std::vector<uint32_t> completeMatrixTypes(SpirvRange spirv) {
         return found->second;
     };
 
-    std::vector<uint32_t> result(spirv.begin, spirv.begin + 5);
+    std::vector<uint32_t> result(module.begin, module.begin + kHeaderWords);
     auto append = [&](const Instruction& i) {
-        result.insert(result.end(), i.begin, i.begin + i.length);
+        result.insert(result.end(), i.words, i.words + i.length);
     };
     // The types refer to constants by their ids, where the compiler put the values themselves.
     std::map<uint32_t, uint32_t> constants;  // value -> id
@@ -153,12 +127,12 @@ std::vector<uint32_t> completeMatrixTypes(SpirvRange spirv) {
     };
     // Before the first type: whatever has none of its own. Then scalars, then all the rest.
     bool scalarsAppended = false;
-    eachInstruction(spirv, [&](const Instruction& i) {
+    eachInstruction(module, [&](const Instruction& i) {
         if (isScalar(i.op) && !scalarsAppended) {
-            eachInstruction(spirv, [&](const Instruction& scalar) {
+            eachInstruction(module, [&](const Instruction& scalar) {
                 if (scalar.op == kOpTypeInt || scalar.op == kOpTypeFloat) append(scalar);
             });
-            eachInstruction(spirv, [&](const Instruction& scalar) {
+            eachInstruction(module, [&](const Instruction& scalar) {
                 if (scalar.op == kOpConstant || scalar.op == kOpSpecConstant) append(scalar);
             });
             appendConstants();

@@ -43,13 +43,13 @@ private:
 };
 
 // Whether a module declares the capability.
-bool usesCooperativeMatrices(SpirvRange spirv);
+bool usesCooperativeMatrices(SpirvRange module);
 
 // glslang 12 knows no cooperative matrices, but lets a shader spell out instructions and types (see
 // shaders/common/cooperative_matrix.glsl) with literal operands alone. This puts what it had to
 // leave out into OpTypeCooperativeMatrixKHR: the component type (half for uses A and B, single for
 // the accumulator) and rows and columns, which are the specialisation constants kMatrixM, kMatrixN
 // and kMatrixK.
-std::vector<uint32_t> completeMatrixTypes(SpirvRange spirv);
+std::vector<uint32_t> completeMatrixTypes(SpirvRange module);
 
 }  // namespace doppel

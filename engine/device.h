@@ -23,7 +23,8 @@ enum class Binding { Addresses, Descriptors };
 
 // How products of matrices are made (convolutions, linear layers, graph convolutions). Mixed: their
 // inputs are rounded to halves, and summed in single precision, on matrix units where a GPU has
-// them (CPUs emulate them slowly: with DOPPEL_MATRIX_UNITS=emulated alone). All else, parameters and optimisers among it, is in single precision always.
+// them (CPUs emulate them slowly: with DOPPEL_MATRIX_UNITS=emulated alone). All else, parameters
+// and optimisers among it, is in single precision always.
 enum class Precision { Single, Mixed };
 // Of "fp32" and "mixed", as programs take it from their command lines; InputError on anything else.
 Precision precisionNamed(std::string_view name);

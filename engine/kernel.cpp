@@ -5,20 +5,15 @@
 #include <string_view>
 
 #include "engine/cooperative_matrix.h"
+#include "engine/spirv.h"
 
 namespace doppel {
 
+using namespace spirv;
+
 namespace {
 
-// The few opcodes and decorations that reflection needs (SPIR-V specification, section 3).
-enum SpirvOp : uint32_t {
-    kOpName = 5,
-    kOpTypePointer = 32,
-    kOpFunction = 54,
-    kOpVariable = 59,
-    kOpDecorate = 71,
-    kOpMemberDecorate = 72,
-};
+// Of the SPIR-V specification, section 3.
 enum SpirvDecoration : uint32_t {
     kSpecId = 1,
     kNonWritable = 24,
@@ -29,7 +24,7 @@ constexpr uint32_t kStorageBufferClass = 12;
 
 }  // namespace
 
-Reflection reflect(SpirvRange spirv) {
+Reflection reflect(SpirvRange module) {
     Reflection result;
     std::map<uint32_t, std::string> names;
     std::map<uint32_t, uint32_t> bindings, specIds, pointee;
@@ -38,26 +33,24 @@ Reflection reflect(SpirvRange spirv) {
     std::set<uint32_t> used;
     bool inFunction = false;
 
-    for (const uint32_t* word = spirv.begin + 5; word < spirv.end;) {
-        uint32_t length = *word >> 16, op = *word & 0xffff;
-        CHECK(length > 0 && word + length <= spirv.end, "SPIR-V instructions fill the module");
-        switch (op) {
+    eachInstruction(module, [&](const Instruction& i) {
+        switch (i.op) {
             case kOpName:
-                names[word[1]] = reinterpret_cast<const char*>(word + 2);
+                names[i[1]] = i.text(2);
                 break;
             case kOpTypePointer:
-                pointee[word[1]] = word[3];
+                pointee[i[1]] = i[3];
                 break;
             case kOpDecorate:
-                if (word[2] == kBindingDecoration) bindings[word[1]] = word[3];
-                if (word[2] == kSpecId) specIds[word[1]] = word[3];
+                if (i[2] == kBindingDecoration) bindings[i[1]] = i[3];
+                if (i[2] == kSpecId) specIds[i[1]] = i[3];
                 break;
             case kOpMemberDecorate:
-                if (word[3] == kNonWritable) nonWritable.insert(word[1]);
-                if (word[3] == kNonReadable) nonReadable.insert(word[1]);
+                if (i[3] == kNonWritable) nonWritable.insert(i[1]);
+                if (i[3] == kNonReadable) nonReadable.insert(i[1]);
                 break;
             case kOpVariable:
-                if (word[3] == kStorageBufferClass) variables[word[2]] = pointee[word[1]];
+                if (i[3] == kStorageBufferClass) variables[i[2]] = pointee[i[1]];
                 break;
             case kOpFunction:
                 inFunction = true;
@@ -66,11 +59,10 @@ Reflection reflect(SpirvRange spirv) {
                 // Functions that the entry does not call are not in the module, so a mention in
                 // any of them is a use.
                 if (inFunction)
-                    for (uint32_t i = 1; i < length; ++i)
-                        if (variables.contains(word[i])) used.insert(word[i]);
+                    for (uint32_t w = 1; w < i.length; ++w)
+                        if (variables.contains(i[w])) used.insert(i[w]);
         }
-        word += length;
-    }
+    });
     for (auto [variable, type] : variables) {
         result.slotCount = std::max(result.slotCount, bindings.at(variable) + 1);
         if (used.contains(variable))

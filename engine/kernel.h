@@ -28,7 +28,7 @@ struct Reflection {
     uint32_t slotCount = 0;                     // buffers declared in the file
     std::map<std::string, uint32_t> constants;  // specialisation constant name -> id
 };
-Reflection reflect(SpirvRange spirv);
+Reflection reflect(SpirvRange module);
 
 class Kernel {
 public:

@@ -22,6 +22,10 @@ int64_t ceilDiv(int64_t a, int64_t b) { return (a + b - 1) / b; }
 constexpr int64_t kHalfSteps = std::max<int64_t>(kMatrixTile, kGemmUnroll);
 int64_t halfPanelSteps(int64_t k) { return ceilDiv(k, kHalfSteps) * kHalfSteps; }
 
+bool even(std::initializer_list<int64_t> values) {
+    return std::ranges::all_of(values, [](int64_t v) { return v % 2 == 0; });
+}
+
 // How a product is spread over workgroups.
 struct Plan {
     uint32_t lanes = 32, rows = 8, pairs = 2;
@@ -96,9 +100,6 @@ Tensor pack(Graph& graph, const Source& s, int64_t steps, int64_t stepsInPanel, 
                         .strideItem = u32(s.strideItem),
                         .strideStep = u32(s.strideStep),
                         .panels = u32(panels)};
-    auto even = [](std::initializer_list<int64_t> values) {
-        return std::ranges::all_of(values, [](int64_t v) { return v % 2 == 0; });
-    };
     uint32_t pairs = 0;
     if (s.strideItem == 1 && even({s.start, s.strideMatrix, s.strideStep, s.count})) pairs = 1;
     if (s.strideStep == 1 && even({s.start, s.strideMatrix, s.strideItem, steps})) pairs = 2;
@@ -115,12 +116,9 @@ Tensor pack(Graph& graph, const Source& s, int64_t steps, int64_t stepsInPanel, 
     return packed;
 }
 
-// A product with a matrix of a few rows, transposed; false where it has another shape.
-bool narrow(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const Gemm& g,
-            const Plan& p) {
-    auto even = [](std::initializer_list<int64_t> values) {
-        return std::ranges::all_of(values, [](int64_t v) { return v % 2 == 0; });
-    };
+// Makes a product with a matrix of a few rows, transposed; false where it has another shape.
+bool narrowProduct(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const Gemm& g,
+                   const Plan& p) {
     if (!p.onCpu || p.halves || g.n > 4 || g.m < 256 || g.k < 2 || p.parts > 1 || g.batch > 1 ||
         g.transA || g.panelsA || g.panelsB || !g.transB || g.accumulate || g.relu || g.biasPerRow ||
         !even({g.k, g.lda, g.startA, g.ldb, g.startB}))
@@ -211,7 +209,7 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
         gemm(graph, a, b, c, narrow);
         return;
     }
-    if (narrow(graph, a, b, c, g, p)) return;
+    if (narrowProduct(graph, a, b, c, g, p)) return;
     Tensor left = a, right = b;
     uint32_t layoutA = g.transA ? kGemmTransposed : g.panelsA ? kGemmPanels : kGemmRows;
     uint32_t layoutB = g.transB ? kGemmTransposed : g.panelsB ? kGemmPanels : kGemmRows;
@@ -220,15 +218,15 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
     int64_t stepsA = p.halves ? halfPanelSteps(g.k) : gemmPanelSteps(g.k);
     int64_t stepsB = p.halves ? stepsA : g.k;
     if (p.panelsA && g.k > 0) {
-        int64_t matrices = g.strideA == 0 ? 1 : g.batch, steps = stepsA;
+        int64_t matrices = g.strideA == 0 ? 1 : g.batch;
         Source source{
             a, g.startA, matrices, g.strideA, g.m, g.transA ? 1 : g.lda, g.transA ? g.lda : 1};
         if (g.panelsA)  // panels already, of single precision: each is a matrix
             source = {a, 0, matrices * ceilDiv(g.m, p.rows), g.lda, p.rows, 1, p.rows};
-        left = pack(graph, source, g.k, steps, p.rows, p.halves, g.largestA);
+        left = pack(graph, source, g.k, stepsA, p.rows, p.halves, g.largestA);
         layoutA = kGemmPanels;
         g.startA = 0;
-        g.lda = steps * p.rows;
+        g.lda = stepsA * p.rows;
         if (matrices > 1) g.strideA = ceilDiv(g.m, p.rows) * g.lda;
     }
     if (p.panelsB && g.k > 0) {
@@ -279,14 +277,13 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
                         {"kRelu", !split && g.relu},
                         {"kScaled", bool(largest)}};
     if (!largest) largest = graph.none();
-    if (!p.matrices) {
+    if (!p.matrices)
         spec.insert({{"kLanes", p.lanes},
                      {"kRows", p.rows},
                      {"kPairs", p.pairs},
                      {"kLayoutA", layoutA},
                      {"kLayoutB", layoutB},
                      {"kHalves", p.halves}});
-    }
     if (p.matrices) {
         spec["kMatrixM"] = p.matrices->m;
         spec["kMatrixN"] = p.matrices->n;
@@ -298,9 +295,6 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
             {{"a", left}, {"b", right}, {"c", out}, {"bias", bias}, {"largest", largest}}, params,
             groups, spec);
     } else if (p.onCpu) {
-        auto even = [](std::initializer_list<int64_t> values) {
-            return uint32_t{std::ranges::all_of(values, [](int64_t v) { return v % 2 == 0; })};
-        };
         spec["kEvenA"] =
             layoutA == kGemmPanels || even({g.lda, g.startA, g.strideA, g.transA ? g.m : g.k});
         spec["kEvenB"] =

@@ -3,7 +3,8 @@
 // matrix type's component, nor take specialisation constants for its sides: the program puts them
 // in (engine/cooperative_matrix.h); 16 stands for all of them here.
 //
-// Vulkan's memory model is what the extension asks for. Control flow around these is uniform, and a workgroup's invocations are whole subgroups.
+// Vulkan's memory model is what the extension asks for. Control flow around these is uniform, and a
+// workgroup's invocations are whole subgroups.
 #pragma use_vulkan_memory_model
 #extension GL_KHR_memory_scope_semantics : require
 #extension GL_EXT_spirv_intrinsics : require

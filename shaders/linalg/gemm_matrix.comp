@@ -1,5 +1,5 @@
 // The product of gemm.glsl on matrix units: A and B as panels of halves, C in single precision. A
-// workgroup is one subgroup and makes a tile of kFragments x kFragments of the device's matrices,
+// workgroup is one subgroup and makes a tile of kMatrixFragments squared of the device's matrices,
 // whose sums stay in registers; panels are as wide as the tile.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -33,7 +33,6 @@ ENTRY(tile) {
     uint baseB = params.startB + matrix * params.strideB + gl_WorkGroupID.y * params.ldb;
 
     MatrixC sum[kMatrixFragments][kMatrixFragments];
-    // All zeros: what memory holds of no step at all.
     [[unroll]] for (uint i = 0; i < kMatrixFragments; ++i)
         [[unroll]] for (uint j = 0; j < kMatrixFragments; ++j) sum[i][j] = matrixOf(0.0);
     // Behind k panels are zero up to a multiple of any device's steps.
