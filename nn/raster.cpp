@@ -308,6 +308,55 @@ Tensor texturedRender(Graph& graph, const VisibilityBuffer& visibility, const Ra
     return image;
 }
 
+// ---- pictures of several samples per pixel ------------------------------------------------------
+
+Tensor seenSpans(Graph& graph, const NearestFaces& nearest, int64_t height, int64_t width,
+                 int64_t samples) {
+    auto pixels = static_cast<uint64_t>(height * width), most = (pixels + kSpan - 1) / kSpan;
+    Tensor spans = graph.temporary({static_cast<int64_t>(1 + most)}, ElementType::I32);
+    graph.fill(spans.slice(0, 1));
+    graph.dispatch(
+        "raster/seen_spans.list", {{"index", nearest.index}, {"spans", spans}},
+        SeenSpansParams{u32(width), u32(height), divisorOf(static_cast<uint64_t>(width))}, most,
+        {{"samples", u32(samples)}, {"keys", nearest.keys ? 1u : 0u}});
+    return spans;
+}
+
+Groups spanGroups(const Device& device, int64_t pixels) {
+    // A CPU pays for each workgroup.
+    return {device.info().cpu ? 64 : u32(std::min<int64_t>((pixels + 63) / 64, 65535)), 1, 1};
+}
+
+SampledRender sampledRender(Graph& graph, const RasterMesh& mesh, const Tensor& verts,
+                            const Tensor& camera, const RasterAtlas& atlas, const Tensor& texture,
+                            int64_t height, int64_t width, int64_t samples,
+                            const RasterOptions& options) {
+    CHECK(texture.shape.size() == 3 && texture.dim(2) == 3, "a texture is [H,W,3]");
+    CHECK(samples > 0, "a pixel has samples");
+    NearestFaces nearest =
+        nearestFaces(graph, mesh, verts, camera, height * samples, width * samples, options);
+    SampledRender result{graph.temporary({height, width, 3}), graph.temporary({height, width})};
+    graph.beginOp("sampled_render");
+    Tensor spans = seenSpans(graph, nearest, height, width, samples);
+    graph.fill(result.image);
+    graph.fill(result.coverage);
+    SampledRenderParams params{u32(width), u32(height), u32(texture.dim(1)), u32(texture.dim(0)),
+                               divisorOf(static_cast<uint64_t>(width))};
+    graph.dispatchGroups("raster/sampled_render.forward",
+                         {{"index", nearest.index},
+                          {"screen", nearest.screen},
+                          {"faces", mesh.faceVertices},
+                          {"uvs", atlas.uvs},
+                          {"facesUv", atlas.faceCorners},
+                          {"tex", texture},
+                          {"spans", spans},
+                          {"image", result.image},
+                          {"coverage", result.coverage}},
+                         params, spanGroups(graph.device(), height * width),
+                         {{"samples", u32(samples)}, {"keys", nearest.keys ? 1u : 0u}});
+    return result;
+}
+
 // ---- visibility map -----------------------------------------------------------------------------
 
 Tensor visibilityMap(Graph& graph, const RasterMesh& mesh, const Tensor& verts,
@@ -356,9 +405,15 @@ float positive(OpCall& c, std::string_view name) {
     return c.f(name);
 }
 
-Tensor cameraOf(OpCall& c, float sigma, float blurRadius) {
-    RasterCamera camera{
-        positive(c, "fx"), positive(c, "fy"), c.f("cx"), c.f("cy"), sigma, blurRadius, 0, 0};
+Tensor cameraOf(OpCall& c, float sigma, float blurRadius, float scale = 1) {
+    RasterCamera camera{scale * positive(c, "fx"),
+                        scale * positive(c, "fy"),
+                        scale * c.f("cx"),
+                        scale * c.f("cy"),
+                        sigma,
+                        blurRadius,
+                        0,
+                        0};
     return c.graph.constant(std::span<const float>(cameraValues(camera)), kCameraShape);
 }
 
@@ -403,6 +458,26 @@ static const Op kTexturedRender{{
             c.result("image", texturedRender(c.graph, visibility, atlas, c["texture"]));
             c.result("mask", visibility.mask);
             c.result("face_index", visibility.faceIndex);
+        },
+}};
+
+static const Op kSampledRender{{
+    .name = "sampled_render",
+    .inputs = "verts[V,3] faces:i32[F,3] uvs[T,2] faces_uv:i32[F,3] texture[Ht,Wt,3]",
+    .attributes = "fx fy cx cy width height samples=2 large_box=1024",
+    .outputs = "image coverage",
+    .differentiable = "",
+    .build =
+        [](OpCall& c) {
+            int64_t samples = side(c, "samples", 16);
+            RasterMesh mesh = rasterMesh(c.graph, c.ints("faces"), c["verts"].dim(0));
+            RasterAtlas atlas = rasterAtlas(c.graph, c["uvs"], c.ints("faces_uv"));
+            SampledRender drawn = sampledRender(
+                c.graph, mesh, c["verts"], cameraOf(c, 1, 0, static_cast<float>(samples)), atlas,
+                c["texture"], side(c, "height", kMostPixels / samples),
+                side(c, "width", kMostPixels / samples), samples, optionsOf(c));
+            c.result("image", drawn.image);
+            c.result("coverage", drawn.coverage);
         },
 }};
 

@@ -83,6 +83,24 @@ Tensor hardMask(Graph& graph, const RasterMesh& mesh, const Tensor& verts, const
 Tensor texturedRender(Graph& graph, const VisibilityBuffer& visibility, const RasterAtlas& atlas,
                       const Tensor& texture);
 
+// Which stretches of kSpan pixels, in reading order, have a face at any of their samples: [1+n]
+// int32, their count and the first pixel of each, in no order. For those who shade nothing else.
+Tensor seenSpans(Graph& graph, const NearestFaces& nearest, int64_t height, int64_t width,
+                 int64_t samples);
+// Workgroups, of 64 invocations each, that share the spans of so many pixels.
+Groups spanGroups(const Device& device, int64_t pixels);
+
+// A picture for the eye: samples x samples of texturedRender's per pixel, averaged. No gradients.
+struct SampledRender {
+    Tensor image;     // [H,W,3] 0 where no face is seen
+    Tensor coverage;  // [H,W] the part of the samples at which a face is seen
+};
+// camera: as of a picture of samples x height by samples x width pixels.
+SampledRender sampledRender(Graph& graph, const RasterMesh& mesh, const Tensor& verts,
+                            const Tensor& camera, const RasterAtlas& atlas, const Tensor& texture,
+                            int64_t height, int64_t width, int64_t samples,
+                            const RasterOptions& options = {});
+
 // visibility[size,size]: 1 at texels whose centre lies in a face (edges included) with
 // dot(n, -v0) > 0, n = (v1 - v0) x (v2 - v0); 0 elsewhere. No gradients.
 Tensor visibilityMap(Graph& graph, const RasterMesh& mesh, const Tensor& verts,

@@ -174,7 +174,9 @@ struct AvatarRenderer::MeshRecording {
     Parameters net;
     Tensor theta, trans, verts;
 
-    MeshRecording(Device& device, const Avatar& avatar, bool refined) : graph(device) {
+    // Leaves the vertices in target as well.
+    MeshRecording(Device& device, const Avatar& avatar, bool refined, const BufferView& target)
+        : graph(device) {
         const BodyModel& body = avatar.body;
         theta = graph.input({72});
         trans = graph.input({3});
@@ -191,6 +193,8 @@ struct AvatarRenderer::MeshRecording {
         } else {
             verts = lbs(graph, skin, rest, theta, beta, trans).verts;
         }
+        graph.beginOp("keep_mesh");
+        graph.copy(verts, graph.attach(target, verts.shape));
         graph.output(verts);
         graph.compile();
     }
@@ -201,12 +205,14 @@ struct AvatarRenderer::TextureRecording {
     TextureNet net;
     std::optional<RefineNet> refineNet;
     Graph graph;
-    Tensor verts, texture;
+    Tensor texture;
 
-    TextureRecording(Device& device, const Avatar& avatar, bool refined)
+    // Of the vertices in source; leaves the texture in target as well.
+    TextureRecording(Device& device, const Avatar& avatar, bool refined, const BufferView& source,
+                     const BufferView& target)
         : net(device, avatar.preset.texture, avatar.textureNet), graph(device) {
         const BodyModel& body = avatar.body;
-        verts = graph.input({body.vertexCount, 3});
+        Tensor verts = graph.attach(source, {body.vertexCount, 3});
         RasterMesh mesh = rasterMesh(graph, body.faces, body.vertexCount);
         Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
         RasterAtlas atlas = rasterAtlas(graph, uvs, body.uvFaces);
@@ -220,30 +226,36 @@ struct AvatarRenderer::TextureRecording {
         } else {
             texture = net.forward(graph, {map}, false).at(0);
         }
+        graph.beginOp("keep_texture");
+        graph.copy(texture, graph.attach(target, texture.shape));
         graph.output(texture);
         graph.compile();
     }
 };
 
-AvatarRenderer::AvatarRenderer(Device& device, const Avatar& avatar, bool refined,
-                               TextureKind kind)
+AvatarRenderer::AvatarRenderer(Device& device, const Avatar& avatar, bool refined, TextureKind kind)
     : device_(device),
       avatar_(avatar),
       fixedTexture_(&avatar.texture),
-      mesh_(std::make_unique<MeshRecording>(device, avatar, refined)),
-      drawer_(device, avatar.body) {
+      drawer_(device, avatar.body),
+      mesh_(std::make_unique<MeshRecording>(device, avatar, refined, drawer_.verts())) {
     if (kind == TextureKind::Best)
         kind = avatar.refineNet.empty() ? TextureKind::Coarse : TextureKind::Refined;
     if (kind == TextureKind::Baked) {
         CHECK(!avatar.bakedTexture.empty(), "the avatar has a baked texture");
         fixedTexture_ = &avatar.bakedTexture;
-        return;
     }
     bool refine = kind == TextureKind::Refined;
     CHECK(!refine || (!avatar.refineNet.empty() && !avatar.textureNet.empty()),
           "the avatar has networks for a refined texture");
-    if (refine || (!avatar.textureNet.empty() && !avatar.preset.texture.constantInput))
-        textureRecording_ = std::make_unique<TextureRecording>(device, avatar, refine);
+    bool painted = !avatar.textureNet.empty() && !avatar.preset.texture.constantInput;
+    if (avatar.textureSize == 0) return;
+    if (refine || (painted && kind != TextureKind::Baked))
+        textureRecording_ = std::make_unique<TextureRecording>(
+            device, avatar, refine, drawer_.verts(), drawer_.texture(avatar.textureSize));
+    else
+        device.upload(drawer_.texture(avatar.textureSize),
+                      std::as_bytes(std::span(*fixedTexture_)));
 }
 
 AvatarRenderer::~AvatarRenderer() = default;
@@ -257,16 +269,25 @@ std::vector<float> AvatarRenderer::vertices(const Theta& theta, const Trans& tra
 
 const std::vector<float>& AvatarRenderer::texture(std::span<const float> verts) {
     if (!textureRecording_) return *fixedTexture_;
-    textureRecording_->graph.write(textureRecording_->verts, verts);
+    device_.upload(drawer_.verts(), std::as_bytes(verts));
     textureRecording_->graph.run();
     texture_ = textureRecording_->graph.read<float>(textureRecording_->texture);
     return texture_;
 }
 
+void AvatarRenderer::submit(const Theta& theta, const Trans& trans, const Camera& camera,
+                            int samples) {
+    mesh_->graph.write(mesh_->theta, std::span<const float>(theta));
+    mesh_->graph.write(mesh_->trans, std::span<const float>(trans));
+    mesh_->graph.submit();
+    if (textureRecording_) textureRecording_->graph.submit();
+    drawer_.submit(camera, avatar_.textureSize, samples);
+}
+
 Drawing AvatarRenderer::draw(const Theta& theta, const Trans& trans, const Camera& camera,
                              int samples) {
-    std::vector<float> verts = vertices(theta, trans);
-    return drawer_.draw(verts, camera, texture(verts), avatar_.textureSize, samples);
+    submit(theta, trans, camera, samples);
+    return take();
 }
 
 std::vector<uint8_t> AvatarRenderer::mask(const Theta& theta, const Trans& trans,

@@ -78,6 +78,11 @@ public:
     // The texture for this view: one for all views, or the networks' for what faces the camera.
     const std::vector<float>& texture(std::span<const float> verts);
     Drawing draw(const Theta& theta, const Trans& trans, const Camera& camera, int samples = 1);
+    // draw() in two halves, so that the device draws one picture while the host has another in
+    // hand: take() is the oldest submitted. Two at most are under way, and nothing else is asked
+    // for meanwhile.
+    void submit(const Theta& theta, const Trans& trans, const Camera& camera, int samples = 1);
+    Drawing take() { return drawer_.take(); }
     std::vector<uint8_t> mask(const Theta& theta, const Trans& trans, const Camera& camera);
 
 private:
@@ -86,9 +91,9 @@ private:
     Device& device_;
     const Avatar& avatar_;
     const std::vector<float>* fixedTexture_;  // where the view does not matter
+    MeshDrawer drawer_;
     std::unique_ptr<MeshRecording> mesh_;
     std::unique_ptr<TextureRecording> textureRecording_;
-    MeshDrawer drawer_;
     std::vector<float> texture_;
 };
 

@@ -1,5 +1,6 @@
 #include "trainer/body_render.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "nn/lbs.h"
@@ -38,28 +39,42 @@ RasterCamera rasterCamera(const Camera& camera, double sigma, double blurRadius)
     return {f(camera.fx), f(camera.fy), f(camera.cx), f(camera.cy), f(sigma), f(blurRadius), 0, 0};
 }
 
-// One size of picture; without a texture it gives the visibility buffer alone.
-struct MeshDrawer::Recording {
+// What is seen in one size of picture.
+struct MeshDrawer::Silhouette {
     Graph graph;
-    Tensor verts, camera, texture, image;
+    Tensor verts, camera;
     VisibilityBuffer visibility;
 
-    Recording(Device& device, const BodyModel& body, int width, int height, int textureSize)
-        : graph(device) {
+    Silhouette(Device& device, const BodyModel& body, int width, int height) : graph(device) {
         verts = graph.input({body.vertexCount, 3});
         camera = graph.input(kCameraShape);
         RasterMesh mesh = rasterMesh(graph, body.faces, body.vertexCount);
         visibility = visibilityBuffer(graph, mesh, verts, camera, height, width);
         graph.output(visibility.mask);
-        if (textureSize > 0) {
-            Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
-            RasterAtlas atlas = rasterAtlas(graph, uvs, body.uvFaces);
-            texture = graph.input({textureSize, textureSize, 3});
-            image = texturedRender(graph, visibility, atlas, texture);
-            graph.output(image);
-        } else {
-            graph.output(visibility.faceIndex);
-        }
+        graph.output(visibility.faceIndex);
+        graph.compile();
+    }
+};
+
+// A textured picture of one size.
+struct MeshDrawer::Picture {
+    Graph graph;
+    int width, height;
+    Tensor camera;
+    SampledRender drawn;
+
+    Picture(MeshDrawer& drawer, int width_, int height_, int textureSize, int samples)
+        : graph(drawer.device_), width(width_), height(height_) {
+        const BodyModel& body = drawer.body_;
+        camera = graph.input(kCameraShape);
+        Tensor verts = graph.attach(drawer.verts(), {body.vertexCount, 3});
+        Tensor texture = graph.attach(drawer.texture(textureSize), {textureSize, textureSize, 3});
+        RasterMesh mesh = rasterMesh(graph, body.faces, body.vertexCount);
+        Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
+        drawn = sampledRender(graph, mesh, verts, camera, rasterAtlas(graph, uvs, body.uvFaces),
+                              texture, height, width, samples);
+        graph.output(drawn.image);
+        graph.output(drawn.coverage);
         graph.compile();
     }
 };
@@ -67,62 +82,78 @@ struct MeshDrawer::Recording {
 MeshDrawer::MeshDrawer(Device& device, const BodyModel& body) : device_(device), body_(body) {}
 MeshDrawer::~MeshDrawer() = default;
 
-MeshDrawer::Recording& MeshDrawer::recording(int width, int height, int textureSize) {
-    auto& slot = recordings_[{width, height, textureSize}];
-    if (!slot) slot = std::make_unique<Recording>(device_, body_, width, height, textureSize);
+MeshDrawer::Silhouette& MeshDrawer::silhouette(int width, int height) {
+    auto& slot = silhouettes_[{width, height}];
+    if (!slot) slot = std::make_unique<Silhouette>(device_, body_, width, height);
     return *slot;
 }
 
 std::vector<uint8_t> MeshDrawer::mask(std::span<const float> verts, const Camera& camera) {
-    Recording& r = recording(camera.width, camera.height, 0);
-    r.graph.write(r.verts, verts);
-    r.graph.write(r.camera, cameraValues(rasterCamera(camera)));
-    r.graph.run();
+    Silhouette& s = silhouette(camera.width, camera.height);
+    s.graph.write(s.verts, verts);
+    s.graph.write(s.camera, cameraValues(rasterCamera(camera)));
+    s.graph.run();
     std::vector<uint8_t> mask;
-    for (float value : r.graph.read<float>(r.visibility.mask))
+    for (float value : s.graph.read<float>(s.visibility.mask))
         mask.push_back(value > 0.5f ? 255 : 0);
     return mask;
 }
 
-Drawing MeshDrawer::draw(std::span<const float> verts, const Camera& camera,
-                         std::span<const float> texture, int textureSize, int samples) {
+BufferView MeshDrawer::verts() {
+    if (verts_.bytes() == 0)
+        verts_ = device_.allocate(12 * static_cast<uint64_t>(body_.vertexCount), Memory::Device);
+    return {&verts_, 0, 12 * static_cast<uint64_t>(body_.vertexCount)};
+}
+
+BufferView MeshDrawer::texture(int textureSize) {
+    auto side = static_cast<uint64_t>(textureSize);
+    Buffer& buffer = textures_[textureSize];
+    if (buffer.bytes() == 0) buffer = device_.allocate(12 * side * side, Memory::Device);
+    return {&buffer, 0, 12 * side * side};
+}
+
+void MeshDrawer::submit(const Camera& camera, int textureSize, int samples) {
+    CHECK(underWay_.size() < 2, "two pictures at most are under way");
+    auto& slot = pictures_[{camera.width, camera.height, textureSize, samples}];
+    if (!slot)
+        slot = std::make_unique<Picture>(*this, camera.width, camera.height, textureSize, samples);
     Camera fine = camera;
     fine.fx *= samples, fine.fy *= samples, fine.cx *= samples, fine.cy *= samples;
-    fine.width *= samples, fine.height *= samples;
-    Recording& r = recording(fine.width, fine.height, textureSize);
-    r.graph.write(r.verts, verts);
-    r.graph.write(r.camera, cameraValues(rasterCamera(fine)));
-    r.graph.write(r.texture, texture);
-    r.graph.run();
-    std::vector<float> image = r.graph.read<float>(r.image);
-    std::vector<float> mask = r.graph.read<float>(r.visibility.mask);
+    slot->graph.write(slot->camera, cameraValues(rasterCamera(fine)));
+    slot->graph.submit();
+    underWay_.push_back(slot.get());
+}
 
-    size_t width = static_cast<size_t>(camera.width), height = static_cast<size_t>(camera.height);
-    auto n = static_cast<size_t>(samples);
-    Drawing drawing{camera.width, camera.height, std::vector<float>(width * height * 3),
-                    std::vector<uint8_t>(width * height)};
-    float share = 1.0f / static_cast<float>(n * n);
-    for (size_t y = 0; y < height; ++y)
-        for (size_t x = 0; x < width; ++x) {
-            float covered = 0;
-            float* rgb = &drawing.rgb[3 * (y * width + x)];
-            for (size_t sy = 0; sy < n; ++sy)
-                for (size_t sx = 0; sx < n; ++sx) {
-                    size_t sample = (y * n + sy) * width * n + x * n + sx;
-                    covered += mask[sample] * share;
-                    for (size_t c = 0; c < 3; ++c) rgb[c] += image[3 * sample + c] * share;
-                }
-            drawing.mask[y * width + x] = static_cast<uint8_t>(std::lround(255 * covered));
-        }
+Drawing MeshDrawer::take() {
+    CHECK(!underWay_.empty(), "a picture is under way");
+    Picture* picture = underWay_.front();
+    underWay_.pop_front();
+    // The other one may be of another size.
+    int back = static_cast<int>(std::ranges::count(underWay_, picture));
+    Drawing drawing{picture->width,
+                    picture->height,
+                    picture->graph.read<float>(picture->drawn.image, back),
+                    {}};
+    for (float covered : picture->graph.read<float>(picture->drawn.coverage, back))
+        drawing.mask.push_back(static_cast<uint8_t>(255 * covered + 0.5f));
     return drawing;
 }
 
+Drawing MeshDrawer::draw(std::span<const float> verts, const Camera& camera,
+                         std::span<const float> texture, int textureSize, int samples) {
+    CHECK(underWay_.empty(), "nothing under way reads the mesh that is replaced");
+    device_.upload(this->verts(), std::as_bytes(verts));
+    device_.upload(this->texture(textureSize), std::as_bytes(texture));
+    submit(camera, textureSize, samples);
+    return take();
+}
+
 Drawing MeshDrawer::drawShaded(std::span<const float> verts, const Camera& camera) {
-    Recording& r = recording(camera.width, camera.height, 0);
-    r.graph.write(r.verts, verts);
-    r.graph.write(r.camera, cameraValues(rasterCamera(camera)));
-    r.graph.run();
-    std::vector<int32_t> faceIndex = r.graph.read<int32_t>(r.visibility.faceIndex);
+    Silhouette& s = silhouette(camera.width, camera.height);
+    s.graph.write(s.verts, verts);
+    s.graph.write(s.camera, cameraValues(rasterCamera(camera)));
+    s.graph.run();
+    std::vector<int32_t> faceIndex = s.graph.read<int32_t>(s.visibility.faceIndex);
     Drawing drawing{camera.width, camera.height, {}, {}};
     for (int32_t face : faceIndex) {
         drawing.mask.push_back(face >= 0 ? 255 : 0);

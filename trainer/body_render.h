@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <deque>
 #include <map>
 #include <memory>
 #include <span>
@@ -49,13 +50,26 @@ public:
     // A shaded picture without texture, lit from the camera: for overlays and previews.
     Drawing drawShaded(std::span<const float> verts, const Camera& camera);
 
+    // draw() in two halves, of a mesh and a texture that are on the device already: graphs that are
+    // submitted before submit() may write them. Two pictures at most are under way.
+    BufferView verts();                   // [V,3]
+    BufferView texture(int textureSize);  // [size,size,3]
+    void submit(const Camera& camera, int textureSize, int samples);
+    Drawing take();  // the oldest that was submitted
+
 private:
-    struct Recording;
-    Recording& recording(int width, int height, int textureSize);
+    struct Silhouette;
+    struct Picture;
+
+    Silhouette& silhouette(int width, int height);
 
     Device& device_;
     const BodyModel& body_;
-    std::map<std::array<int, 3>, std::unique_ptr<Recording>> recordings_;
+    Buffer verts_;
+    std::map<int, Buffer> textures_;                                         // by size
+    std::map<std::array<int, 2>, std::unique_ptr<Silhouette>> silhouettes_;  // width, height
+    std::map<std::array<int, 4>, std::unique_ptr<Picture>> pictures_;        // and texture, samples
+    std::deque<Picture*> underWay_;
 };
 
 // The rasterizer's camera for a capture's.

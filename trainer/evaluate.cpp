@@ -71,21 +71,22 @@ Evaluation evaluateCapture(Device& device, const Avatar& avatar, const Capture& 
         background.emplace(settings.background, whole, wholeFrames);
     }
     AvatarRenderer renderer(device, avatar, true, settings.texture);
-    auto draw = [&](size_t i) {
-        return renderer.draw(capture.theta[i], capture.trans[i], capture.frames[i].camera,
-                             kSamples);
+    auto submit = [&](size_t i) {
+        renderer.submit(capture.theta[i], capture.trans[i], capture.frames[i].camera, kSamples);
     };
     Progress progress("eval", static_cast<int64_t>(capture.size()));
     Evaluation result;
     std::vector<float> firstRender, lastRender, lastPerson;
     std::vector<std::vector<float>> realVideo, renderedVideo;
     int64_t changes = 0;
+    if (capture.size() > 0) submit(0);
     for (size_t i = 0; i < capture.size(); ++i) {
         if (interrupted()) throw Interrupted{};
+        submit(i + 1 < capture.size() ? i + 1 : 0);  // the first once more, behind the last
         const Frame& frame = capture.frames[i];
         auto picture = frames.load(i);
         int w = frame.camera.width, h = frame.camera.height;
-        Drawing drawing = draw(i);
+        Drawing drawing = renderer.take();
         std::vector<float> render =
             composite(drawing.rgb, drawing.mask, background->behind(*picture));
         std::vector<float> target(picture->rgb.size());
@@ -125,7 +126,8 @@ Evaluation evaluateCapture(Device& device, const Avatar& avatar, const Capture& 
         result.change /= static_cast<double>(changes);
         result.changeOfFrames /= static_cast<double>(changes);
     }
-    if (capture.size() > 0) result.changeHeldStill = greatestDifference(draw(0).rgb, firstRender);
+    if (capture.size() > 0)
+        result.changeHeldStill = greatestDifference(renderer.take().rgb, firstRender);
     if (settings.videoFeatures) {
         result.realClips = clipFeatures(*settings.videoFeatures, realVideo);
         result.renderedClips = clipFeatures(*settings.videoFeatures, renderedVideo);

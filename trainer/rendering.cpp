@@ -122,11 +122,16 @@ double renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>
         before = std::move(image);
     };
     Progress progress(what, static_cast<int64_t>(shots.size()));
+    auto submit = [&](size_t i) {
+        if (i < shots.size())
+            renderer.submit(shots[i].theta, shots[i].trans, shots[i].camera, kSamples);
+    };
     std::future<void> keeping;  // a picture is encoded while the device draws the next one
+    submit(0);
     for (size_t i = 0; i < shots.size(); ++i) {
         if (interrupted()) throw Interrupted{};
-        const Shot& shot = shots[i];
-        Drawing drawing = renderer.draw(shot.theta, shot.trans, shot.camera, kSamples);
+        submit(i + 1);
+        Drawing drawing = renderer.take();
         if (keeping.valid()) keeping.get();
         keeping = std::async(std::launch::async, keep, i, std::move(drawing));
         progress.update(static_cast<int64_t>(i) + 1);

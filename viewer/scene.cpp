@@ -112,31 +112,23 @@ struct Scene::Drawing {
                             {"wireframe", key.wireframe ? 1u : 0u},
                             {"samples", u(key.samples)},
                             {"keys", seen.keys ? 1u : 0u}};
-        uint64_t pixels = uint64_t{u(key.width)} * u(key.height);
-        uint64_t most = (pixels + kSpan - 1) / kSpan;
-        Tensor spans = graph.temporary({static_cast<int64_t>(1 + most)}, ElementType::I32);
-        // A CPU pays for each workgroup.
-        uint64_t groups = device.info().cpu ? 64 : (pixels + 63) / 64;
         graph.beginOp("shade");
+        Tensor spans = seenSpans(graph, seen, key.height, key.width, key.samples);
         graph.copy(background, picture);
-        graph.fill(spans.slice(0, 1));
-        graph.dispatch("view/shade.list", {{"index", seen.index}, {"spans", spans}}, params, most,
-                       spec);
-        graph.dispatchGroups(
-            "view/shade.forward",
-            {{"index", seen.index},
-             {"screen", seen.screen},
-             {"normals", normals},
-             {"marks", marks},
-             {"faces", mesh.faceVertices},
-             {"cornerUvs", corners},
-             {"tex", tex},
-             {"visibility", map},
-             {"state", state},
-             {"background", background},
-             {"picture", picture},
-             {"spans", spans}},
-            params, {static_cast<uint32_t>(std::min<uint64_t>(groups, 65535)), 1, 1}, spec);
+        graph.dispatchGroups("view/shade.forward",
+                             {{"index", seen.index},
+                              {"screen", seen.screen},
+                              {"normals", normals},
+                              {"marks", marks},
+                              {"faces", mesh.faceVertices},
+                              {"cornerUvs", corners},
+                              {"tex", tex},
+                              {"visibility", map},
+                              {"state", state},
+                              {"background", background},
+                              {"picture", picture},
+                              {"spans", spans}},
+                             params, spanGroups(device, picture.elements()), spec);
         if (key.inset > 0)
             graph.dispatch("view/shade.inset",
                            {{"tex", tex}, {"visibility", map}, {"picture", picture}}, params,

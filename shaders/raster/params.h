@@ -23,9 +23,20 @@ struct TexturedRenderParams {
     uint textureWidth, textureHeight;
     uint sumStride;  // elements of a plane of the fixed-point sums, a multiple of 4
 };
+// See SeenSpans in nn/raster.h.
+struct SeenSpansParams {
+    uint width, height;  // of the picture, pixels
+    Divisor byWidth;
+};
+struct SampledRenderParams {
+    uint width, height;
+    uint textureWidth, textureHeight;
+    Divisor byWidth;
+};
 struct VisibilityMapParams {
     uint faces, size;
     uint largeBox;
 };
+const uint kSpan = 16;  // neighbouring pixels, in reading order, that are shaded together
 SHARED_END
 #endif

@@ -2,6 +2,7 @@
 #define VIEW_PARAMS_H
 #include "common/divide.h"
 #include "common/shared.h"
+#include "raster/params.h"
 SHARED_BEGIN
 struct ShadeParams {
     uint width, height;  // of the picture
@@ -10,7 +11,6 @@ struct ShadeParams {
     uint blueFirst;  // 1: bytes of a pixel are B, G, R, A
     Divisor byWidth;
 };
-const uint kSpan = 16;  // neighbouring pixels that are shaded together
 // What the surface is painted with.
 const uint kPaintTexture = 0;
 const uint kPaintClay = 1;

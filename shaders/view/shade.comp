@@ -26,7 +26,7 @@ BUFFER(7, readonly, float, visibility);     // [S,S]
 BUFFER(8, readonly, ShadeState, state);     // [1]
 BUFFER(9, readonly, uint, background);      // [H,W] as the picture, which starts as its copy
 BUFFER(10, writeonly, uint, picture);       // [H,W]
-BUFFER(11, readwrite, uint, spans);         // [1+H W/kSpan] count, and where spans begin; unordered
+BUFFER(11, readonly, uint, spans);          // [1+H W/kSpan] see SeenSpans in nn/raster.h
 
 ivec3 faceVertices(uint face) {
     uvec2 two = unpackUint2x32(faces.d[2 * face]);
@@ -140,26 +140,6 @@ vec3 colourOf(uint face, uint column, uint row) {
         colour = mix(colour, brightness > 0.45 ? vec3(0.05) : vec3(0.9), edgeShare(v, b));
     }
     return colour;
-}
-
-// The spans in which a face is seen, one invocation for each.
-ENTRY(list) {
-    uint first = linearIndex() * kSpan, found = 0;
-    if (first >= params.width * params.height) return;
-    uint y = quotient(first, params.byWidth), x = remainder(first, y, params.byWidth);
-    [[unroll]] for (uint p = 0; p < kSpan; ++p) {
-        [[unroll]] for (uint k = 0; k < samples * samples; ++k) {
-            uint row = min(y, params.height - 1) * samples + k / samples;
-            uint column = x * samples + k % samples;
-            found |= faceAt(row * params.width * samples + column) < 0 ? 0 : 1;
-        }
-        ++x;
-        if (x == params.width) {
-            x = 0;
-            ++y;
-        }
-    }
-    if (found != 0) spans.d[1 + atomicAdd(spans.d[0], 1)] = first;
 }
 
 // Over the listed spans, as many pixels at a time as there are invocations.

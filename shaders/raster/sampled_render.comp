@@ -1,0 +1,71 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "common/op.glsl"
+#include "common/pairs.glsl"
+#include "raster/params.h"
+#include "raster/triangle.glsl"
+// A textured picture of several samples per pixel, averaged; only spans in which a face is seen are
+// shaded.
+layout(constant_id = 1) const uint samples = 1;  // per pixel and axis
+layout(constant_id = 2) const uint keys = 0;     // 1: of two numbers each
+PARAMS(SampledRenderParams, 9)
+BUFFER(0, readonly, uint, index);         // [H samples,W samples,1 + keys] NearestFaces::index
+BUFFER(1, readonly, uint64_t, screen);    // [V,4] floats from project.comp
+BUFFER(2, readonly, uint64_t, faces);     // [F,4] v0, v1, v2, unused
+BUFFER(3, readonly, uint64_t, uvs);       // [T,2] floats
+BUFFER(4, readonly, uint64_t, facesUv);   // [F,4] t0, t1, t2, unused
+BUFFER(5, readonly, float, tex);          // [Ht,Wt,3]
+BUFFER(6, readonly, uint, spans);         // [1+H W/kSpan] see SeenSpans in nn/raster.h
+BUFFER(7, writeonly, float, image);       // [H,W,3] zeros before
+BUFFER(8, writeonly, float, coverage);    // [H,W] zeros before
+
+ivec3 triple(uint64_t first, uint64_t second) {
+    return ivec3(unpackUint2x32(first), unpackUint2x32(second).x);
+}
+vec4 corner(int v) { return vec4(unpackPair(screen.d[2 * v]), unpackPair(screen.d[2 * v + 1])); }
+vec3 texel(uint x, uint y) {
+    uint t = 3 * (y * params.textureWidth + x);
+    return vec3(tex.d[t], tex.d[t + 1], tex.d[t + 2]);
+}
+
+// What a face shows at the sample in this column and row: bilinear, clamped at the border.
+vec3 colourOf(uint face, uint column, uint row) {
+    ivec3 v = triple(faces.d[2 * face], faces.d[2 * face + 1]);
+    ivec3 t = triple(facesUv.d[2 * face], facesUv.d[2 * face + 1]);
+    vec2 p = pixelCentre(int(column), int(row), params.width * samples, params.height * samples);
+    vec3 b = surfaceAt(corner(v.x), corner(v.y), corner(v.z), p).xyz;
+    vec2 uv = b.x * unpackPair(uvs.d[t.x]) + b.y * unpackPair(uvs.d[t.y]) +
+              b.z * unpackPair(uvs.d[t.z]);
+    vec2 size = vec2(params.textureWidth, params.textureHeight);
+    vec2 at = clamp(uv * size - 0.5, vec2(0), size - 1);
+    uvec2 low = uvec2(at), high = uvec2(min(floor(at) + 1, size - 1));
+    vec2 share = at - floor(at);
+    return mix(mix(texel(low.x, low.y), texel(high.x, low.y), share.x),
+               mix(texel(low.x, high.y), texel(high.x, high.y), share.x), share.y);
+}
+
+// Over the listed spans, as many pixels at a time as there are invocations.
+ENTRY(forward) {
+    uint pixels = params.width * params.height, last = (pixels - 1) / kSpan;
+    uint count = spans.d[0] * kSpan, step = gl_NumWorkGroups.x * gl_WorkGroupSize.x;
+    for (uint k = linearIndex(); k < count; k += step) {
+        // Clamped as well for lanes that are done: see faceInList().
+        uint i = min(spans.d[1 + min(k / kSpan, last)] + k % kSpan, pixels - 1);
+        uint y = quotient(i, params.byWidth), x = remainder(i, y, params.byWidth);
+        vec3 colour = vec3(0);
+        float seen = 0;
+        for (uint n = 0; n < samples * samples; ++n) {
+            uint row = y * samples + n / samples, column = x * samples + n % samples;
+            uint at = row * params.width * samples + column;
+            int face = int(keys == 0 ? index.d[at] : ~index.d[2 * at]);
+            vec3 own = colourOf(uint(max(face, 0)), column, row);
+            colour += face < 0 ? vec3(0) : own;
+            seen += face < 0 ? 0 : 1;
+        }
+        colour /= float(samples * samples);
+        image.d[3 * i] = colour.x;
+        image.d[3 * i + 1] = colour.y;
+        image.d[3 * i + 2] = colour.z;
+        coverage.d[i] = seen / float(samples * samples);
+    }
+}
