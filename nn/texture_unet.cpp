@@ -16,7 +16,8 @@ constexpr float kDeviation = 0.02f, kSlope = 0.2f, kDropout = 0.5f;
 std::string numbered(const char* what, int64_t i) { return fmt::format("{}{}", what, i); }
 }  // namespace
 
-TextureUnet::TextureUnet(const TextureUnetConfig& config, std::string name, uint32_t seed)
+TextureUnet::TextureUnet(const TextureUnetConfig& config, std::string name,
+                         std::optional<uint32_t> seed)
     : config_(config), name_(std::move(name)) {
     TextureUnetConfig& c = config_;
     if (c.downs == 0)
@@ -45,11 +46,12 @@ int64_t TextureUnet::features(int64_t step) const {
 }
 
 void TextureUnet::declare(const std::string& layer, Shape weight, bool normalised, int64_t out,
-                          uint32_t seed) {
+                          std::optional<uint32_t> seed) {
     auto normal = [&](const std::string& parameter, const Shape& shape, float mean) {
-        parameters_.add(
-            parameter, shape,
-            normalValues(seed, name_ + "." + parameter, elementCount(shape), mean, kDeviation));
+        int64_t count = elementCount(shape);
+        parameters_.add(parameter, shape,
+                        seed ? normalValues(*seed, name_ + "." + parameter, count, mean, kDeviation)
+                             : constantValues(count, 0));
     };
     normal(layer + ".weight", weight, 0);
     if (!normalised) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "nn/graph.h"
 
@@ -27,7 +28,8 @@ class TextureUnet {
 public:
     // InputError where the sizes do not fit. The same seed and name give the same values anywhere;
     // name keeps two networks of one seed apart.
-    TextureUnet(const TextureUnetConfig& config, std::string name, uint32_t seed);
+    // Without a seed all values are zeros: others are to be loaded after allocate().
+    TextureUnet(const TextureUnetConfig& config, std::string name, std::optional<uint32_t> seed);
 
     void allocate(Device& device);
 
@@ -51,7 +53,7 @@ public:
 private:
     int64_t features(int64_t step) const;  // after step 1 … downs
     void declare(const std::string& layer, Shape weight, bool normalised, int64_t out,
-                 uint32_t seed);
+                 std::optional<uint32_t> seed);
     Tensor parameter(Graph& graph, const std::string& name, Mode mode) const;
     Tensor normalise(Graph& graph, const Tensor& x, const std::string& layer, float slope,
                      Mode mode) const;

@@ -65,7 +65,8 @@ TextureNet::TextureNet(Device& device, const TexturePreset& preset, uint64_t see
 }
 
 TextureNet::TextureNet(Device& device, const TexturePreset& preset, const WeightMap& weights)
-    : TextureNet(device, preset, 0) {
+    : preset_(preset), unet_(unetConfig(preset), "texture", std::nullopt) {
+    unet_.allocate(device);
     loadWeights(unet_.parameters(), weights, "texture_net.safetensors");
     loadWeights(unet_.statistics(), weights, "texture_net.safetensors");
 }
@@ -123,7 +124,7 @@ RefineConfig refineConfig(const Preset& preset) {
 }
 
 RefineNet::RefineNet(Device& device, const Avatar& avatar)
-    : unet_(refineUnetConfig(refineConfig(avatar.preset)), "refine", 0),
+    : unet_(refineUnetConfig(refineConfig(avatar.preset)), "refine", std::nullopt),
       residual_(refineConfig(avatar.preset).residual) {
     unet_.allocate(device);
     loadWeights(unet_.parameters(), avatar.refineNet, "refine_net.safetensors");

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <cstdlib>
+#include <future>
 #include <glm/gtc/quaternion.hpp>
 
 #include "engine/io/image.h"
@@ -92,12 +93,9 @@ Capture renderActor(Device& device, const Actor& actor, const std::vector<Motion
     Camera camera = syntheticCamera(options.size);
     std::vector<Theta> trueTheta;
     std::vector<Trans> trueTrans;
-    int size = options.size;
-    for (size_t i = 0; i < motion.size(); ++i) {
-        PosedMesh posed = poser.pose(motion[i].theta, motion[i].trans, {});
-        // Drawn large and averaged: the samples that hit nothing are the background's share.
-        Drawing drawing =
-            drawer.draw(posed.verts, camera, actor.texture, actor.textureSize, options.samples);
+    const int size = options.size;
+    auto nameOf = [&](size_t i) { return fmt::format("{:04}_{}", i, motion[i].motion); };
+    auto keep = [&](size_t i, const Drawing& drawing) {
         std::vector<uint8_t> rgb, mask;
         for (int y = 0; y < size; ++y)
             for (int x = 0; x < size; ++x) {
@@ -112,22 +110,31 @@ Capture renderActor(Device& device, const Actor& actor, const std::vector<Motion
                 }
                 mask.push_back(share >= 0.5f ? 255 : 0);
             }
+        writer.addImage(nameOf(i), size, size, rgb);
+        writer.addMask(nameOf(i), size, size, mask);
+    };
+    std::future<void> keeping;  // a frame is encoded while the device draws the next one
+    for (size_t i = 0; i < motion.size(); ++i) {
+        PosedMesh posed = poser.pose(motion[i].theta, motion[i].trans, {});
+        // Drawn large and averaged: the samples that hit nothing are the background's share.
+        Drawing drawing =
+            drawer.draw(posed.verts, camera, actor.texture, actor.textureSize, options.samples);
+        if (keeping.valid()) keeping.get();
+        keeping = std::async(std::launch::async, keep, i, std::move(drawing));
         Theta theta = motion[i].theta;
         Trans trans = motion[i].trans;
         trueTheta.push_back(theta);
         trueTrans.push_back(trans);
         disturb(theta, trans, options.poseNoiseDegrees, options.transNoiseMetres,
                 options.seed * 1000003 + i);
-        std::string name = fmt::format("{:04}_{}", i, motion[i].motion);
-        writer.addImage(name, size, size, rgb);
-        writer.addMask(name, size, size, mask);
         Frame frame;
-        frame.name = name;
+        frame.name = nameOf(i);
         frame.camera = camera;
         capture.frames.push_back(frame);
         capture.theta.push_back(theta);
         capture.trans.push_back(trans);
     }
+    if (keeping.valid()) keeping.get();
     writeNpz(writer.folder() / "truth.npz", posesArrays(trueTheta, trueTrans, {}), true);
     return writer.commit(capture);
 }

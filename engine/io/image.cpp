@@ -51,6 +51,9 @@ constexpr Format kFormats[] = {
     {"pnm", "P6", 2, false},
 };
 
+// Of a rendered frame level 3 makes a few percent more bytes than 6, in half the time.
+constexpr int kPngLevel = 3;
+
 const Format& formatOf(Bytes head, const std::string& name) {
     for (const Format& format : kFormats) {
         if (head.size() >= format.size &&
@@ -276,6 +279,7 @@ std::vector<uint8_t> encode(const Image& image, const char* plugin, const std::s
         spec.attribute("oiio:UnassociatedAlpha", 1);
     }
     if (std::strcmp(plugin, "jpeg") == 0) spec.attribute("Compression", "jpeg:95");
+    if (std::strcmp(plugin, "png") == 0) spec.attribute("png:compressionLevel", kPngLevel);
     OIIO::Filesystem::IOVecOutput proxy;
     if (!output->set_ioproxy(&proxy) || !output->open(name, spec) ||
         !output->write_image(TypeDesc::UINT8, image.data.data()) || !output->close()) {
