@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "conv/params.h"
+#include "nn/blocks.h"
 #include "nn/linalg.h"
 #include "nn/op.h"
 #include "nn/winograd.h"
@@ -444,6 +445,21 @@ Tensor batchNorm(Graph& graph, const Tensor& x, const Tensor& weight, const Tens
     constexpr int64_t kSmall = 4096;
     uint32_t lanes = vectorLanes(graph.device());
     bool whole = lanes > 0 && N * pixels <= kSmall;
+    // And larger ones, of even sizes, by whole vectors.
+    int64_t chunks = pixels / kChunkElements;
+    uint32_t together = chunks % 16 == 0 ? 16 : 4;
+    bool byBlocks = blockLanes(graph.device()) > 0 && !whole && C <= 4096 &&
+                    pixels % (int64_t{kChunkElements} * together) == 0;
+    BatchNormBlocksParams blocksParams{.channels = u32(C),
+                                       .chunks = u32(chunks),
+                                       .slope = options.slope,
+                                       .all = 1 / static_cast<float>(N * pixels)};
+    BatchNormParams joined = params;
+    joined.threads = u32(N * chunks);
+    Groups blocks{u32(chunks / together), u32(C), u32(N)};
+    Specialisation forBlocks{{"local_size", lanes * together},
+                             {"kLanes", lanes},
+                             {"kDigits", blockDigits(uint64_t(N * C * chunks))}};
     Specialisation byChannel{{"local_size", lanes}, {"kLanes", lanes}};
     graph.beginOp(training ? "batch_norm2d" : "batch_norm2d_evaluation");
     if (whole && training) {
@@ -460,6 +476,18 @@ Tensor batchNorm(Graph& graph, const Tensor& x, const Tensor& weight, const Tens
                               {"runningMean", running.mean ? running.mean : graph.none()},
                               {"runningVariance", running.mean ? running.variance : graph.none()}},
                              params, {u32(C), 1, 1}, spec);
+    } else if (training && byBlocks) {
+        Tensor partial = graph.temporary({C, N * chunks, 2});
+        graph.dispatchGroups("conv/batch_norm_blocks.sum_values", {{"x", x}, {"partial", partial}},
+                             blocksParams, blocks, forBlocks);
+        graph.dispatch("conv/batch_norm_chunks.statistics",
+                       {{"sums", partial},
+                        {"mean", mean},
+                        {"deviation", deviation},
+                        {"runningMean", running.mean ? running.mean : graph.none()},
+                        {"runningVariance", running.mean ? running.variance : graph.none()}},
+                       joined, uint64_t(C),
+                       {{"local_size", lanes}, {"kRunning", running.mean ? 1 : 0}});
     } else if (training) {
         Tensor partial = graph.temporary({C, threads});
         uint32_t update = running.mean ? 1 : 0;
@@ -490,7 +518,16 @@ Tensor batchNorm(Graph& graph, const Tensor& x, const Tensor& weight, const Tens
                         {"runningVariance", running.variance}},
                        params, uint64_t(C));
     }
-    if (!whole || !training)
+    if (byBlocks)
+        graph.dispatchGroups("conv/batch_norm_blocks.normalise",
+                             {{"x", x},
+                              {"mean", mean},
+                              {"deviation", deviation},
+                              {"weight", weight},
+                              {"bias", bias},
+                              {"y", y}},
+                             blocksParams, blocks, forBlocks);
+    else if (!whole || !training)
         graph.dispatchGroups(
             pairs ? "conv/batch_norm_pairs.normalise" : "conv/batch_norm_pixels.normalise",
             {{"x", x},
@@ -521,6 +558,36 @@ Tensor batchNorm(Graph& graph, const Tensor& x, const Tensor& weight, const Tens
                                   {"dweight", dweight},
                                   {"dbias", dbias}},
                                  params, {u32(C), 1, 1}, spec);
+            return;
+        }
+        if (byBlocks) {
+            Tensor partial = graph.temporary({C, N * chunks, 2});
+            graph.dispatchGroups("conv/batch_norm_blocks.sum_gradients",
+                                 {{"x", x},
+                                  {"dy", dy},
+                                  {"mean", mean},
+                                  {"deviation", deviation},
+                                  {"weight", weight},
+                                  {"bias", bias},
+                                  {"partial", partial}},
+                                 blocksParams, blocks, forBlocks);
+            graph.dispatch("conv/batch_norm_chunks.parameters",
+                           {{"sums", partial}, {"dweight", dweight}, {"dbias", dbias}}, joined,
+                           uint64_t(C), {{"local_size", lanes}});
+            if (!graph.wantsGradient(x)) return;
+            Specialisation spec = forBlocks;
+            spec["kTraining"] = training;
+            graph.dispatchGroups("conv/batch_norm_blocks.input_gradient",
+                                 {{"x", x},
+                                  {"dy", dy},
+                                  {"mean", mean},
+                                  {"deviation", deviation},
+                                  {"weight", weight},
+                                  {"bias", bias},
+                                  {"dweight", dweight},
+                                  {"dbias", dbias},
+                                  {"y", graph.gradientTarget(x)}},
+                                 blocksParams, blocks, spec);
             return;
         }
         Tensor partial = graph.temporary({2, C, threads});

@@ -4,6 +4,7 @@
 
 #include "common/pairs.h"
 #include "elementwise/params.h"
+#include "nn/blocks.h"
 #include "nn/op.h"
 
 namespace doppel {
@@ -11,7 +12,8 @@ namespace doppel {
 namespace {
 
 uint32_t count(const Tensor& x) { return static_cast<uint32_t>(x.elements()); }
-uint64_t pairs(const Tensor& x) { return pairInvocations(uint64_t(x.elements())); }
+uint64_t elements(const Tensor& x) { return static_cast<uint64_t>(x.elements()); }
+uint64_t pairs(const Tensor& x) { return pairInvocations(elements(x)); }
 
 // y = f(x); backward from y and dy, so that x need not be kept.
 Tensor mapOfY(Graph& graph, const char* name, const Tensor& x, const char* forward,
@@ -19,11 +21,11 @@ Tensor mapOfY(Graph& graph, const char* name, const Tensor& x, const char* forwa
     Tensor y = graph.temporary(x.shape);
     ElementParams params{count(x)};
     graph.beginOp(name);
-    graph.dispatch(forward, {{"x", x}, {"y", y}}, params, pairs(x));
+    dispatchPlaces(graph, forward, {{"x", x}, {"y", y}}, params, elements(x));
     graph.differentiate({x}, {y}, [=, &graph] {
         Tensor dx = graph.gradientTarget(x);
-        graph.dispatch(backward, {{"y", y}, {"dy", graph.gradient(y)}, {"dx", dx}}, params,
-                       pairs(x));
+        dispatchPlaces(graph, backward, {{"y", y}, {"dy", graph.gradient(y)}, {"dx", dx}}, params,
+                       elements(x));
     });
     return y;
 }
@@ -36,11 +38,12 @@ Tensor rectify(Graph& graph, const char* name, const Tensor& x, float slope) {
     Tensor y = graph.temporary(x.shape);
     LeakyReluParams params{count(x), slope};
     graph.beginOp(name);
-    graph.dispatch("elementwise/leaky_relu.forward", {{"x", x}, {"y", y}}, params, pairs(x));
+    dispatchPlaces(graph, "elementwise/leaky_relu.forward", {{"x", x}, {"y", y}}, params,
+                   elements(x));
     graph.differentiate({x}, {y}, [=, &graph] {
         Tensor dx = graph.gradientTarget(x);
-        graph.dispatch("elementwise/leaky_relu.backward",
-                       {{"y", y}, {"dy", graph.gradient(y)}, {"dx", dx}}, params, pairs(x));
+        dispatchPlaces(graph, "elementwise/leaky_relu.backward",
+                       {{"y", y}, {"dy", graph.gradient(y)}, {"dx", dx}}, params, elements(x));
     });
     return y;
 }
@@ -66,11 +69,12 @@ Tensor scaleShift(Graph& graph, const Tensor& x, float scale, float shift) {
     Tensor y = graph.temporary(x.shape);
     ScaleShiftParams params{count(x), scale, shift};
     graph.beginOp("scale_shift");
-    graph.dispatch("elementwise/scale_shift.forward", {{"x", x}, {"y", y}}, params, pairs(x));
+    dispatchPlaces(graph, "elementwise/scale_shift.forward", {{"x", x}, {"y", y}}, params,
+                   elements(x));
     graph.differentiate({x}, {y}, [=, &graph] {
         Tensor dx = graph.gradientTarget(x);
-        graph.dispatch("elementwise/scale_shift.backward", {{"dy", graph.gradient(y)}, {"dx", dx}},
-                       params, pairs(x));
+        dispatchPlaces(graph, "elementwise/scale_shift.backward",
+                       {{"dy", graph.gradient(y)}, {"dx", dx}}, params, elements(x));
     });
     return y;
 }
@@ -79,11 +83,11 @@ Tensor clamp(Graph& graph, const Tensor& x, float low, float high) {
     Tensor y = graph.temporary(x.shape);
     ClampParams params{count(x), low, high};
     graph.beginOp("clamp");
-    graph.dispatch("elementwise/clamp.forward", {{"x", x}, {"y", y}}, params, pairs(x));
+    dispatchPlaces(graph, "elementwise/clamp.forward", {{"x", x}, {"y", y}}, params, elements(x));
     graph.differentiate({x}, {y}, [=, &graph] {
         Tensor dx = graph.gradientTarget(x);
-        graph.dispatch("elementwise/clamp.backward",
-                       {{"x", x}, {"dy", graph.gradient(y)}, {"dx", dx}}, params, pairs(x));
+        dispatchPlaces(graph, "elementwise/clamp.backward",
+                       {{"x", x}, {"dy", graph.gradient(y)}, {"dx", dx}}, params, elements(x));
     });
     return y;
 }
@@ -93,8 +97,8 @@ Tensor add(Graph& graph, const Tensor& a, const Tensor& b) {
           toString(b.shape));
     Tensor y = graph.temporary(a.shape);
     graph.beginOp("add");
-    graph.dispatch("elementwise/add.forward", {{"a", a}, {"b", b}, {"y", y}},
-                   ElementParams{count(a)}, pairs(a));
+    dispatchPlaces(graph, "elementwise/add.forward", {{"a", a}, {"b", b}, {"y", y}},
+                   ElementParams{count(a)}, elements(a));
     graph.differentiate({a, b}, {y}, [=, &graph] {
         for (const Tensor& input : {a, b})
             if (graph.wantsGradient(input))
@@ -109,8 +113,8 @@ Tensor multiply(Graph& graph, const Tensor& a, const Tensor& b) {
     Tensor y = graph.temporary(a.shape);
     ElementParams params{count(a)};
     auto product = [=, &graph](const Tensor& left, const Tensor& right, const Tensor& target) {
-        graph.dispatch("elementwise/multiply.forward", {{"a", left}, {"b", right}, {"y", target}},
-                       params, pairs(a));
+        dispatchPlaces(graph, "elementwise/multiply.forward",
+                       {{"a", left}, {"b", right}, {"y", target}}, params, elements(a));
     };
     graph.beginOp("multiply");
     product(a, b, y);
@@ -127,20 +131,29 @@ namespace {
 // One side of a concatenation, forward or backward.
 void concatPart(Graph& graph, bool backward, const Tensor& part, const Tensor& y, const Tensor& dy,
                 int64_t inner, int64_t innerAll, int64_t start, bool rectified) {
-    ConcatParams params{count(part), static_cast<uint32_t>(inner), static_cast<uint32_t>(innerAll),
-                        static_cast<uint32_t>(start), divisorOf(uint64_t(inner))};
-    bool even = inner % 2 == 0 && innerAll % 2 == 0 && start % 2 == 0;
-    uint64_t invocations = even ? pairs(part) : count(part);
+    ConcatParams params{count(part),
+                        static_cast<uint32_t>(inner),
+                        static_cast<uint32_t>(innerAll),
+                        static_cast<uint32_t>(start),
+                        divisorOf(uint64_t(inner)),
+                        {}};
+    auto multiplesOf = [&](int64_t n) {
+        return inner % n == 0 && innerAll % n == 0 && start % n == 0;
+    };
     Specialisation spec{{"kRelu", rectified}};
-    if (!backward)
-        graph.dispatch(even ? "elementwise/concat.forward_pairs" : "elementwise/concat.forward",
-                       {{even ? "parts" : "part", part}, {even ? "ys" : "y", y}}, params,
-                       invocations, spec);
+    if (multiplesOf(2) && !backward)
+        dispatchPlaces(graph, "elementwise/concat.forward_pairs", {{"parts", part}, {"ys", y}},
+                       params, elements(part), spec, multiplesOf(kBlockElements));
+    else if (multiplesOf(2))
+        dispatchPlaces(graph, "elementwise/concat.backward_pairs",
+                       {{"dys", dy}, {"ys", y}, {"dparts", part}}, params, elements(part), spec,
+                       multiplesOf(kBlockElements));
+    else if (!backward)
+        graph.dispatch("elementwise/concat.forward", {{"part", part}, {"y", y}}, params,
+                       elements(part), spec);
     else
-        graph.dispatch(
-            even ? "elementwise/concat.backward_pairs" : "elementwise/concat.backward",
-            {{even ? "dys" : "dy", dy}, {even ? "ys" : "y", y}, {even ? "dparts" : "dpart", part}},
-            params, invocations, spec);
+        graph.dispatch("elementwise/concat.backward", {{"dy", dy}, {"y", y}, {"dpart", part}},
+                       params, elements(part), spec);
 }
 
 Tensor concatenated(Graph& graph, const Tensor& a, const Tensor& b, int axis, bool rectified) {
@@ -203,8 +216,8 @@ Tensor dropout(Graph& graph, const Tensor& x, float rate, uint32_t stream) {
 }
 
 void addInto(Graph& graph, const Tensor& total, const Tensor& more) {
-    graph.dispatch("elementwise/add.into", {{"total", total}, {"more", more}},
-                   ElementParams{count(total)}, pairs(total));
+    dispatchPlaces(graph, "elementwise/add.into", {{"total", total}, {"more", more}},
+                   ElementParams{count(total)}, elements(total));
 }
 
 // ---- for op_runner ------------------------------------------------------------------------------

@@ -1,7 +1,7 @@
 #include "nn/loss.h"
 
-#include "common/pairs.h"
 #include "loss/params.h"
+#include "nn/blocks.h"
 #include "nn/op.h"
 #include "nn/raster.h"
 
@@ -50,19 +50,34 @@ Tensor maskedL1Loss(Graph& graph, const Tensor& predicted, const Tensor& target,
     pixels.pop_back();
     CHECK(mask.shape == pixels, "mask {} has the pixels of predicted {}", toString(mask.shape),
           toString(predicted.shape));
-    MaskedL1LossParams params{u32(mask.elements()), u32(predicted.dim(-1)), kPartials};
-    Tensor partial = graph.temporary({kPartials, 2}), maskSum = graph.temporary({});
-    Tensor loss = graph.temporary({});
-    // Colours are worked on by two pixels at once.
+    MaskedL1LossParams params{u32(mask.elements()), u32(predicted.dim(-1)), kPartials, {}};
+    // Colours are worked on by two pixels at once, on CPUs by blocks.
     bool pairs = params.channels == 3 && params.n % 2 == 0;
+    constexpr uint32_t kEach = kMaskBlocks * kBlockElements, kTogether = 16;
+    uint32_t lanes = blockLanes(graph.device());
+    bool blocks = params.channels == 3 && params.n % (kEach * kTogether) == 0 && lanes > 0;
+    if (blocks) params.partials = params.n / kEach;
+    Tensor partial = graph.temporary({params.partials, 2}), maskSum = graph.temporary({});
+    Tensor loss = graph.temporary({});
     const char* predictedName = pairs ? "predictedPairs" : "predicted";
     const char* targetName = pairs ? "targetPairs" : "target";
     const char* maskName = pairs ? "maskPairs" : "mask";
     graph.beginOp("masked_l1_loss");
-    graph.dispatch(
-        pairs ? "loss/masked_l1_loss.sums_pairs" : "loss/masked_l1_loss.sums",
-        {{predictedName, predicted}, {targetName, target}, {maskName, mask}, {"partial", partial}},
-        params, kPartials);
+    if (blocks)
+        graph.dispatchGroups(
+            "loss/masked_l1_blocks.sums",
+            {{"predicted", predicted}, {"target", target}, {"mask", mask}, {"partial", partial}},
+            params, {params.partials / kTogether, 1, 1},
+            {{"local_size", lanes * kTogether},
+             {"kLanes", lanes},
+             {"kDigits", blockDigits(params.partials)}});
+    else
+        graph.dispatch(pairs ? "loss/masked_l1_loss.sums_pairs" : "loss/masked_l1_loss.sums",
+                       {{predictedName, predicted},
+                        {targetName, target},
+                        {maskName, mask},
+                        {"partial", partial}},
+                       params, params.partials);
     graph.dispatchGroups("loss/masked_l1_loss.finish",
                          {{"partial", partial}, {"maskSum", maskSum}, {"loss", loss}}, params,
                          kOneGroup);

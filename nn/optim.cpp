@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "common/pairs.h"
+#include "nn/blocks.h"
 #include "nn/linalg.h"
 #include "nn/op.h"
 #include "optim/params.h"
@@ -18,7 +18,9 @@ AdamWParams paramsOf(const AdamWOptions& o, int64_t n, int64_t rows) {
             o.beta2,
             o.epsilon,
             o.weightDecay,
-            o.rateScale};
+            o.rateScale,
+            0,
+            {}};
 }
 
 Tensor whole(Graph& graph, const Parameters& parameters, Parameters::Section section) {
@@ -27,14 +29,21 @@ Tensor whole(Graph& graph, const Parameters& parameters, Parameters::Section sec
 
 void dispatchAdamW(Graph& graph, const Tensor& value, const Tensor& gradient, const Tensor& moment1,
                    const Tensor& moment2, const Tensor& step, const AdamWOptions& options) {
-    graph.dispatch("optim/adamw.all",
-                   {{"values", value},
-                    {"gradients", gradient},
-                    {"moments1", moment1},
-                    {"moments2", moment2},
-                    {"step", step}},
-                   paramsOf(options, value.elements(), 1),
-                   pairInvocations(uint64_t(value.elements())));
+    auto dispatch = [&](int64_t first, int64_t n) {
+        AdamWParams params = paramsOf(options, n, 1);
+        params.firstPair = static_cast<uint32_t>(first / 2);
+        dispatchPlaces(graph, "optim/adamw.all",
+                       {{"values", value},
+                        {"gradients", gradient},
+                        {"moments1", moment1},
+                        {"moments2", moment2},
+                        {"step", step}},
+                       params, static_cast<uint64_t>(n));
+    };
+    int64_t n = value.elements();
+    int64_t rest = blockLanes(graph.device()) > 0 ? n % kPlacesWhole : 0;
+    if (n > rest) dispatch(0, n - rest);
+    if (rest > 0) dispatch(n - rest, rest);
 }
 
 }  // namespace

@@ -8,7 +8,8 @@
 namespace doppel {
 namespace {
 
-const Shape kShapes[] = {{1}, {13}, {2, 3, 127}};
+// The last two are wholes of blocks, by workgroups of sixteen subgroups and of four.
+const Shape kShapes[] = {{1}, {13}, {2, 3, 127}, {64, 256}, {68, 256}};
 
 // One input x, one output y of the same shape.
 Values mapX(const Values& v, const std::function<double(double)>& f) {
@@ -101,7 +102,8 @@ void checkConcat(const char* op, bool relu) {
                  {{13, 7}, {13, 3}, 1},
                  {{2, 3, 5, 7}, {2, 1, 5, 7}, 1},
                  {{2, 3, 5, 8}, {2, 5, 5, 8}, 1},
-                 {{3, 4}, {2, 4}, 0}};
+                 {{3, 4}, {2, 4}, 0},
+                 {{2, 18, 16, 32}, {2, 34, 16, 32}, 1}};
     for (const auto& c : cases)
         checkOp(op, {.inputs = {{"a", random(c.a, 1)}, {"b", random(c.b, 2)}},
                      .attributes = {{"axis", c.axis}},

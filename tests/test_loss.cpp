@@ -31,7 +31,7 @@ Value binary(Shape shape, uint32_t seed) {
     return value;
 }
 
-const Shape kSizes[] = {{1, 1}, {13, 1}, {37, 53}, {1, 127}, {64, 65}};
+const Shape kSizes[] = {{1, 1}, {13, 1}, {37, 53}, {1, 127}, {64, 65}, {64, 96}};
 
 // ---- silhouettes --------------------------------------------------------------------------------
 
@@ -94,18 +94,22 @@ TEST(MaskedL1Loss, AgainstPlainLoop) {
 }
 
 TEST(MaskedL1Loss, EmptyMaskAndEqualPictures) {
-    Value picture = uniform({4, 9, 3}, 0, 1), other = uniform({4, 9, 3}, 0, 1, 2);
-    Value none{{4, 9}, std::vector<double>(36)}, all{{4, 9}, std::vector<double>(36, 1.0)};
-    // What the mask leaves out may be anything.
-    Value broken = picture;
-    broken.data[5] = NAN;
-    for (auto& [predicted, target, mask] :
-         {std::tuple{picture, other, none}, {broken, other, none}, {picture, picture, all}}) {
-        Npz arrays = arraysOf({{"predicted", predicted}, {"target", target}, {"mask", mask}});
-        arrays.set("grad_loss", Array::scalarF32(1));
-        Npz out = runOp("masked_l1_loss", arrays);
-        EXPECT_EQ(out.at("loss").scalar(), 0);
-        EXPECT_EQ(out.at("grad_predicted").toF32(), std::vector<float>(108));
+    for (const Shape& size : {Shape{4, 9}, Shape{64, 96}}) {
+        Shape colours{size[0], size[1], 3};
+        auto pixels = static_cast<size_t>(elementCount(size));
+        Value picture = uniform(colours, 0, 1), other = uniform(colours, 0, 1, 2);
+        Value none{size, std::vector<double>(pixels)}, all{size, std::vector<double>(pixels, 1.0)};
+        // What the mask leaves out may be anything.
+        Value broken = picture;
+        broken.data[5] = NAN;
+        for (auto& [predicted, target, mask] :
+             {std::tuple{picture, other, none}, {broken, other, none}, {picture, picture, all}}) {
+            Npz arrays = arraysOf({{"predicted", predicted}, {"target", target}, {"mask", mask}});
+            arrays.set("grad_loss", Array::scalarF32(1));
+            Npz out = runOp("masked_l1_loss", arrays);
+            EXPECT_EQ(out.at("loss").scalar(), 0);
+            EXPECT_EQ(out.at("grad_predicted").toF32(), std::vector<float>(3 * pixels));
+        }
     }
 }
 

@@ -22,7 +22,7 @@ const std::map<std::string, double> kOptions = {
     {"lr", 0.01}, {"beta1", 0.5}, {"beta2", 0.99}, {"eps", 1e-8}, {"weight_decay", 0.1}};
 
 TEST(Optim, AdamW) {
-    for (auto [n, steps] : {std::pair<int64_t, int64_t>{1, 1}, {13, 3}, {1270, 4}})
+    for (auto [n, steps] : {std::pair<int64_t, int64_t>{1, 1}, {13, 3}, {1270, 4}, {20481, 2}})
         checkOp("adamw", {.inputs = {{"param", random({n}, 1)}, {"grad", random({steps, n}, 2)}},
                           .attributes = kOptions,
                           .reference = [](const Values& in) -> Values {

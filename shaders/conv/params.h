@@ -1,5 +1,6 @@
 #ifndef CONV_PARAMS_H
 #define CONV_PARAMS_H
+#include "common/blocks.h"
 #include "common/divide.h"
 #include "common/shared.h"
 SHARED_BEGIN
@@ -60,5 +61,13 @@ struct BatchNormParams {
     float momentum;  // of the running statistics
     float slope;     // of a leaky ReLU behind; 1: none
 };
+struct BatchNormBlocksParams {
+    uint channels;
+    uint chunks;  // of a channel of an image
+    float slope;  // as above
+    float all;    // 1 / (images * pixels)
+    Digits digits;
+};
+const uint kChunkElements = kBlocksEach * kBlockElements;  // what a subgroup takes
 SHARED_END
 #endif

@@ -1,23 +1,23 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
-#include "common/pairs.glsl"
 #include "elementwise/params.h"
 PARAMS(ElementParams, 5)
-BUFFER(0, readwrite, uint64_t, total);  // [n], in pairs
-BUFFER(1, readonly, uint64_t, more);    // [n]
-BUFFER(2, readonly, uint64_t, a);       // [n]
-BUFFER(3, readonly, uint64_t, b);       // [n]
+#include "common/blocks.glsl"
+BUFFER(0, readwrite, Block, total);  // [n], in pairs
+BUFFER(1, readonly, Block, more);    // [n]
+BUFFER(2, readonly, Block, a);       // [n]
+BUFFER(3, readonly, Block, b);       // [n]
 BUFFER(4, writeonly, uint64_t, y);      // [n]
 
 ENTRY(into) {
     uint n = params.n;
-    EACH_PAIR(i, n)
-        total.d[i] = packPair(unpackPair(total.d[i]) + unpackPair(more.d[i]));
+    EACH_PLACE(p, n)
+        BLOCK_PAIR(total, p) = packPair(PAIR(total, p) + PAIR(more, p));
 }
 
 ENTRY(forward) {
     uint n = params.n;
-    EACH_PAIR(i, n)
-        y.d[i] = packPair(unpackPair(a.d[i]) + unpackPair(b.d[i]));
+    EACH_PLACE(p, n)
+        y.d[p.pair] = packPair(PAIR(a, p) + PAIR(b, p));
 }

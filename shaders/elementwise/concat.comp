@@ -1,16 +1,16 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
-#include "common/pairs.glsl"
 #include "elementwise/params.h"
 PARAMS(ConcatParams, 8)
+#include "common/blocks.glsl"
 BUFFER(0, readonly, float, part);     // [outer, inner]
 BUFFER(1, readwrite, float, y);       // [outer, innerAll]
 BUFFER(2, readonly, float, dy);       // [outer, innerAll]
 BUFFER(3, writeonly, float, dpart);   // [outer, inner]
-BUFFER(4, readonly, uint64_t, parts);    // the same, in pairs
-BUFFER(5, readwrite, uint64_t, ys);
-BUFFER(6, readonly, uint64_t, dys);
+BUFFER(4, readonly, Block, parts);    // the same, in pairs
+BUFFER(5, readwrite, Block, ys);
+BUFFER(6, readonly, Block, dys);
 BUFFER(7, writeonly, uint64_t, dparts);
 
 layout(constant_id = 1) const bool kRelu = false;  // y = max(0, …); its sign is that of the part
@@ -36,21 +36,28 @@ ENTRY(backward) {
     dpart.d[i] = !kRelu || y.d[at] > 0 ? g : 0;
 }
 
+// Where in y the pairs of place p of the part are; in blocks if these are whole in both.
+Place placeInY(Place p) {
+    uint elements = kBlockElements;
+    return Place(place(p.block * elements) / elements, p.part, place(2 * p.pair) / 2);
+}
+
 // Where inner, innerAll and start are even.
 ENTRY(forward_pairs) {
     uint n = params.n;
-    EACH_PAIR(i, n) {
-        vec2 v = unpackPair(parts.d[i]);
-        ys.d[place(2 * i) / 2] = packPair(kRelu ? max(v, vec2(0)) : v);
+    EACH_PLACE(p, n) {
+        vec2 v = PAIR(parts, p);
+        Place at = placeInY(p);
+        BLOCK_PAIR(ys, at) = packPair(kRelu ? max(v, vec2(0)) : v);
     }
 }
 
 ENTRY(backward_pairs) {
     uint n = params.n;
-    EACH_PAIR(i, n) {
-        uint at = place(2 * i) / 2;
-        vec2 g = unpackPair(dys.d[at]);
-        if (kRelu) g = mix(vec2(0), g, greaterThan(unpackPair(ys.d[at]), vec2(0)));
-        dparts.d[i] = packPair(g);
+    EACH_PLACE(p, n) {
+        Place at = placeInY(p);
+        vec2 g = PAIR(dys, at);
+        if (kRelu) g = mix(vec2(0), g, greaterThan(PAIR(ys, at), vec2(0)));
+        dparts.d[p.pair] = packPair(g);
     }
 }

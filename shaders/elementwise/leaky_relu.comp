@@ -1,12 +1,12 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
-#include "common/pairs.glsl"
 #include "elementwise/params.h"
 PARAMS(LeakyReluParams, 4)
-BUFFER(0, readonly, uint64_t, x);    // [n], in pairs
-BUFFER(1, readwrite, uint64_t, y);   // [n]
-BUFFER(2, readonly, uint64_t, dy);   // [n]
+#include "common/blocks.glsl"
+BUFFER(0, readonly, Block, x);    // [n], in pairs
+BUFFER(1, readwrite, Block, y);   // [n]
+BUFFER(2, readonly, Block, dy);   // [n]
 BUFFER(3, writeonly, uint64_t, dx);  // [n]
 
 vec2 select(vec2 sign, vec2 v, float slope) {
@@ -16,9 +16,9 @@ vec2 select(vec2 sign, vec2 v, float slope) {
 ENTRY(forward) {
     uint n = params.n;
     float slope = params.slope;
-    EACH_PAIR(i, n) {
-        vec2 v = unpackPair(x.d[i]);
-        y.d[i] = packPair(select(v, v, slope));
+    EACH_PLACE(p, n) {
+        vec2 v = PAIR(x, p);
+        BLOCK_PAIR(y, p) = packPair(select(v, v, slope));
     }
 }
 
@@ -26,6 +26,6 @@ ENTRY(forward) {
 ENTRY(backward) {
     uint n = params.n;
     float slope = params.slope;
-    EACH_PAIR(i, n)
-        dx.d[i] = packPair(select(unpackPair(y.d[i]), unpackPair(dy.d[i]), slope));
+    EACH_PLACE(p, n)
+        dx.d[p.pair] = packPair(select(PAIR(y, p), PAIR(dy, p), slope));
 }

@@ -1,26 +1,26 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
-#include "common/pairs.glsl"
 #include "elementwise/params.h"
 PARAMS(ScaleShiftParams, 4)
-BUFFER(0, readonly, uint64_t, x);    // [n], in pairs
+#include "common/blocks.glsl"
+BUFFER(0, readonly, Block, x);    // [n], in pairs
 BUFFER(1, writeonly, uint64_t, y);   // [n]
-BUFFER(2, readonly, uint64_t, dy);   // [n]
+BUFFER(2, readonly, Block, dy);   // [n]
 BUFFER(3, writeonly, uint64_t, dx);  // [n]
 
 ENTRY(forward) {
     uint n = params.n;
-    EACH_PAIR(i, n) {
-        vec2 v = unpackPair(x.d[i]);
-        y.d[i] = packPair(params.scale * v + params.shift);
+    EACH_PLACE(p, n) {
+        vec2 v = PAIR(x, p);
+        y.d[p.pair] = packPair(params.scale * v + params.shift);
     }
 }
 
 ENTRY(backward) {
     uint n = params.n;
-    EACH_PAIR(i, n) {
-        vec2 g = unpackPair(dy.d[i]);
-        dx.d[i] = packPair(params.scale * g);
+    EACH_PLACE(p, n) {
+        vec2 g = PAIR(dy, p);
+        dx.d[p.pair] = packPair(params.scale * g);
     }
 }

@@ -1,26 +1,26 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
-#include "common/pairs.glsl"
 #include "elementwise/params.h"
 PARAMS(ElementParams, 4)
-BUFFER(0, readonly, uint64_t, x);    // [n], in pairs
-BUFFER(1, readwrite, uint64_t, y);   // [n]
-BUFFER(2, readonly, uint64_t, dy);   // [n]
+#include "common/blocks.glsl"
+BUFFER(0, readonly, Block, x);    // [n], in pairs
+BUFFER(1, readwrite, Block, y);   // [n]
+BUFFER(2, readonly, Block, dy);   // [n]
 BUFFER(3, writeonly, uint64_t, dx);  // [n]
 
 ENTRY(forward) {
     uint n = params.n;
-    EACH_PAIR(i, n) {
-        vec2 v = unpackPair(x.d[i]);
-        y.d[i] = packPair(tanh(v));
+    EACH_PLACE(p, n) {
+        vec2 v = PAIR(x, p);
+        BLOCK_PAIR(y, p) = packPair(tanh(v));
     }
 }
 
 ENTRY(backward) {
     uint n = params.n;
-    EACH_PAIR(i, n) {
-        vec2 v = unpackPair(y.d[i]), g = unpackPair(dy.d[i]);
-        dx.d[i] = packPair((1 - v * v) * g);
+    EACH_PLACE(p, n) {
+        vec2 v = PAIR(y, p), g = PAIR(dy, p);
+        dx.d[p.pair] = packPair((1 - v * v) * g);
     }
 }

@@ -2,19 +2,19 @@
 // AdamW (Loshchilov and Hutter, Decoupled Weight Decay Regularization, ICLR 2019), in place.
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
-#include "common/pairs.glsl"
 #include "common/step_params.h"
 #include "optim/params.h"
 PARAMS(AdamWParams, 9)
+#include "common/blocks.glsl"
 BUFFER(0, readwrite, float, value);         // [rows, n]
 BUFFER(1, readonly, float, gradient);       // [n]
 BUFFER(2, readwrite, float, moment1);       // [rows, n]
 BUFFER(3, readwrite, float, moment2);       // [rows, n]
 BUFFER(4, readonly, StepParams, step);      // [1]
-BUFFER(5, readwrite, uint64_t, values);     // [n], in pairs
-BUFFER(6, readonly, uint64_t, gradients);   // [n]
-BUFFER(7, readwrite, uint64_t, moments1);   // [n]
-BUFFER(8, readwrite, uint64_t, moments2);   // [n]
+BUFFER(5, readwrite, Block, values);        // [n], in pairs
+BUFFER(6, readonly, Block, gradients);      // [n]
+BUFFER(7, readwrite, Block, moments1);      // [n]
+BUFFER(8, readwrite, Block, moments2);      // [n]
 
 struct Step {
     float decay, rate, rootOfCorrection;
@@ -34,13 +34,13 @@ void update(Step now, inout vec2 x, inout vec2 m, inout vec2 v, vec2 g) {
 ENTRY(all) {
     uint n = params.n;
     Step now = stepNow();
-    EACH_PAIR(i, n) {
-        vec2 x = unpackPair(values.d[i]), m = unpackPair(moments1.d[i]);
-        vec2 v = unpackPair(moments2.d[i]);
-        update(now, x, m, v, unpackPair(gradients.d[i]));
-        values.d[i] = packPair(x);
-        moments1.d[i] = packPair(m);
-        moments2.d[i] = packPair(v);
+    EACH_PLACE(p, n) {
+        p.pair += params.firstPair;
+        vec2 x = PAIR(values, p), m = PAIR(moments1, p), v = PAIR(moments2, p);
+        update(now, x, m, v, PAIR(gradients, p));
+        BLOCK_PAIR(values, p) = packPair(x);
+        BLOCK_PAIR(moments1, p) = packPair(m);
+        BLOCK_PAIR(moments2, p) = packPair(v);
     }
 }
 

@@ -1,5 +1,6 @@
 #ifndef OPTIM_PARAMS_H
 #define OPTIM_PARAMS_H
+#include "common/blocks.h"
 #include "common/shared.h"
 SHARED_BEGIN
 struct AdamWParams {
@@ -7,6 +8,8 @@ struct AdamWParams {
     uint rows;  // of the table, where one row is updated
     float beta1, beta2, epsilon, weightDecay;
     float rateScale;  // times the step's learning rate
+    uint firstPair;   // of those
+    Digits digits;
 };
 struct ClipParams {
     uint n;
