@@ -89,6 +89,8 @@ DeviceInfo describe(VkInstance instance, VkPhysicalDevice physical, uint32_t ind
     info.maxAllocationBytes = properties11.maxMemoryAllocationSize;
     info.maxStorageBufferBytes = limits.maxStorageBufferRange;
     info.maxPushConstantBytes = limits.maxPushConstantsSize;
+    info.maxTexels = limits.maxTexelBufferElements;
+    info.texels = info.cpu && limits.minTexelBufferOffsetAlignment <= 16;
     info.timestamps = limits.timestampComputeAndGraphics;
 
     VkPhysicalDeviceVulkan12Features features12{
@@ -271,6 +273,7 @@ Buffer Device::allocate(uint64_t bytes, Memory memory) {
     info.usage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT |
                  VK_BUFFER_USAGE_TRANSFER_DST_BIT;
     if (addresses) info.usage |= VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+    if (info_.texels) info.usage |= VK_BUFFER_USAGE_UNIFORM_TEXEL_BUFFER_BIT;
     VkBuffer buffer = VK_NULL_HANDLE;
     VK_CHECK(vkCreateBuffer(device_, &info, nullptr, &buffer));
     VkMemoryRequirements requirements;

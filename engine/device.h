@@ -52,6 +52,8 @@ struct DeviceInfo {
     bool addresses = false, timestamps = false;
     std::optional<MatrixShape> halfMatrices;  // what a subgroup multiplies at once
     bool cpu = false;                   // lanes of a subgroup are a CPU's vector: loads are gathers
+    bool texels = false;                // a CPU that reads buffers as texels, from any 16 bytes on
+    uint64_t maxTexels = 0;             // of 16 bytes, per descriptor
     bool int64 = false;                 // integers of 64 bits in shaders
     bool int64Atomics = false;          // and atomics of them in buffers
     std::vector<std::string> refusals;  // why it cannot be used; empty: it can

@@ -20,7 +20,7 @@ enum SpirvDecoration : uint32_t {
     kNonReadable = 25,
     kBindingDecoration = 33,
 };
-constexpr uint32_t kStorageBufferClass = 12;
+constexpr uint32_t kUniformConstantClass = 0, kStorageBufferClass = 12;
 
 }  // namespace
 
@@ -30,6 +30,7 @@ Reflection reflect(SpirvRange module) {
     std::map<uint32_t, uint32_t> bindings, specIds, pointee;
     std::set<uint32_t> nonWritable, nonReadable;
     std::map<uint32_t, uint32_t> variables;  // id -> struct type
+    std::set<uint32_t> texels;               // of the variables; nothing else is of their class
     std::set<uint32_t> used;
     bool inFunction = false;
 
@@ -50,7 +51,9 @@ Reflection reflect(SpirvRange module) {
                 if (i[3] == kNonReadable) nonReadable.insert(i[1]);
                 break;
             case kOpVariable:
-                if (i[3] == kStorageBufferClass) variables[i[2]] = pointee[i[1]];
+                if (i[3] == kUniformConstantClass) texels.insert(i[2]);
+                if (i[3] == kStorageBufferClass || i[3] == kUniformConstantClass)
+                    variables[i[2]] = pointee[i[1]];
                 break;
             case kOpFunction:
                 inFunction = true;
@@ -64,10 +67,13 @@ Reflection reflect(SpirvRange module) {
         }
     });
     for (auto [variable, type] : variables) {
+        bool texel = texels.contains(variable);
         result.slotCount = std::max(result.slotCount, bindings.at(variable) + 1);
-        if (used.contains(variable))
-            result.buffers.push_back({names.at(variable), bindings.at(variable),
-                                      !nonReadable.contains(type), !nonWritable.contains(type)});
+        if (!used.contains(variable)) continue;
+        result.buffers.push_back({names.at(variable), bindings.at(variable),
+                                  !nonReadable.contains(type),
+                                  !texel && !nonWritable.contains(type), texel});
+        result.texels |= texel;
     }
     std::ranges::sort(result.buffers, {}, &KernelBuffer::slot);
     for (auto [id, specId] : specIds)
@@ -81,11 +87,14 @@ Kernel::Kernel(VkDevice device, VkPipelineCache cache, const ShaderTableRow& row
     if (auto size = specialisation.find("local_size"); size != specialisation.end())
         localSize_ = size->second;
 
-    if (descriptors) {
+    if (descriptors || reflection_.texels) {
         std::vector<VkDescriptorSetLayoutBinding> slots;
-        for (const KernelBuffer& buffer : reflection_.buffers)
-            slots.push_back({buffer.slot, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1,
-                             VK_SHADER_STAGE_COMPUTE_BIT, nullptr});
+        for (const KernelBuffer& buffer : reflection_.buffers) {
+            if (!descriptors && !buffer.texels) continue;
+            VkDescriptorType type = buffer.texels ? VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER
+                                                  : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
+            slots.push_back({buffer.slot, type, 1, VK_SHADER_STAGE_COMPUTE_BIT, nullptr});
+        }
         VkDescriptorSetLayoutCreateInfo info{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO};
         info.bindingCount = static_cast<uint32_t>(slots.size());
         info.pBindings = slots.data();
@@ -93,7 +102,7 @@ Kernel::Kernel(VkDevice device, VkPipelineCache cache, const ShaderTableRow& row
     }
     VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, kPushConstantBytes};
     VkPipelineLayoutCreateInfo layoutInfo{VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO};
-    layoutInfo.setLayoutCount = descriptors ? 1 : 0;
+    layoutInfo.setLayoutCount = setLayout_ ? 1 : 0;
     layoutInfo.pSetLayouts = &setLayout_;
     layoutInfo.pushConstantRangeCount = 1;
     layoutInfo.pPushConstantRanges = &range;

@@ -20,6 +20,7 @@ struct KernelBuffer {
     std::string name;
     uint32_t slot = 0;
     bool reads = false, writes = false;
+    bool texels = false;  // read as vec4 through a descriptor, whatever the flavour
 };
 
 // Read from the SPIR-V of the flavour "descriptors".
@@ -27,6 +28,7 @@ struct Reflection {
     std::vector<KernelBuffer> buffers;          // only those that the entry uses
     uint32_t slotCount = 0;                     // buffers declared in the file
     std::map<std::string, uint32_t> constants;  // specialisation constant name -> id
+    bool texels = false;                        // of any buffer
 };
 Reflection reflect(SpirvRange module);
 
@@ -43,7 +45,8 @@ public:
     uint32_t localSize() const { return localSize_; }
     VkPipeline pipeline() const { return pipeline_; }
     VkPipelineLayout layout() const { return layout_; }
-    VkDescriptorSetLayout setLayout() const { return setLayout_; }  // null in "addresses"
+    // Null in "addresses", unless buffers are read as texels.
+    VkDescriptorSetLayout setLayout() const { return setLayout_; }
 
 private:
     VkDevice device_;

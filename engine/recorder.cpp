@@ -12,8 +12,8 @@ Access accessOf(const BufferView& view, bool reads, bool writes) {
     return {view.address(), view.address() + view.bytes, reads, writes};
 }
 
-// No descriptor can describe an empty view: the beginning of its buffer stands in, in which a kernel
-// without elements touches nothing. Buffers have 16 bytes at least.
+// No descriptor can describe an empty view: the beginning of its buffer stands in, in which a
+// kernel without elements touches nothing. Buffers have 16 bytes at least.
 BufferView described(const BufferView& view) {
     return view.bytes > 0 ? view : BufferView{view.buffer, 0, 16};
 }
@@ -40,6 +40,8 @@ Recorder::Recorder(Device& device) : device_(device) {
 
 Recorder::~Recorder() {
     if (pending_) vkWaitForFences(device_.handle(), 1, &fence_, VK_TRUE, UINT64_MAX);
+    for (const auto& [where, view] : texelViews_)
+        vkDestroyBufferView(device_.handle(), view, nullptr);
     for (VkDescriptorPool pool : descriptorPools_)
         vkDestroyDescriptorPool(device_.handle(), pool, nullptr);
     vkDestroyQueryPool(device_.handle(), queries_, nullptr);
@@ -64,11 +66,13 @@ void Recorder::barrierFor(const std::vector<Access>& accesses) {
 
 VkDescriptorSet Recorder::descriptorSet(const Kernel& kernel, std::span<const BufferView> slots) {
     if (setsLeft_ == 0) {
-        VkDescriptorPoolSize size{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, kSetsPerPool * kBuffersPerSet};
+        const VkDescriptorPoolSize sizes[] = {
+            {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, kSetsPerPool * kBuffersPerSet},
+            {VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER, kSetsPerPool * kBuffersPerSet}};
         VkDescriptorPoolCreateInfo info{VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO};
         info.maxSets = kSetsPerPool;
-        info.poolSizeCount = 1;
-        info.pPoolSizes = &size;
+        info.poolSizeCount = static_cast<uint32_t>(std::size(sizes));
+        info.pPoolSizes = sizes;
         VK_CHECK(vkCreateDescriptorPool(device_.handle(), &info, nullptr,
                                         &descriptorPools_.emplace_back()));
         setsLeft_ = kSetsPerPool;
@@ -86,9 +90,22 @@ VkDescriptorSet Recorder::descriptorSet(const Kernel& kernel, std::span<const Bu
     CHECK(used.size() <= kBuffersPerSet, "{} uses at most {} buffers", kernel.name(),
           kBuffersPerSet);
     std::array<VkDescriptorBufferInfo, kBuffersPerSet> buffers;
-    std::array<VkWriteDescriptorSet, kBuffersPerSet> writes;
+    std::array<VkBufferView, kBuffersPerSet> texels;
+    std::vector<VkWriteDescriptorSet> writes;
     for (size_t i = 0; i < used.size(); ++i) {
         const BufferView& view = slots[used[i].slot];
+        VkWriteDescriptorSet write{VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET};
+        write.dstSet = set;
+        write.dstBinding = used[i].slot;
+        write.descriptorCount = 1;
+        if (used[i].texels) {
+            texels[i] = texelView(view, kernel.name(), used[i].name);
+            write.descriptorType = VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER;
+            write.pTexelBufferView = &texels[i];
+            writes.push_back(write);
+            continue;
+        }
+        if (device_.binding() == Binding::Addresses) continue;
         if (view.bytes > device_.info().maxStorageBufferBytes)
             throwMachine(
                 "buffer {} of kernel {} has {} bytes; this device's descriptors reach {} "
@@ -96,13 +113,31 @@ VkDescriptorSet Recorder::descriptorSet(const Kernel& kernel, std::span<const Bu
                 used[i].name, kernel.name(), view.bytes, device_.info().maxStorageBufferBytes);
         // Up to where padding ends: pairs of elements may reach into it.
         buffers[i] = {view.buffer->handle(), view.offset, alignUp(view.bytes, 16)};
-        writes[i] = {
-            VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET, nullptr, set,         used[i].slot, 0, 1,
-            VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,      nullptr, &buffers[i], nullptr};
+        write.descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
+        write.pBufferInfo = &buffers[i];
+        writes.push_back(write);
     }
-    vkUpdateDescriptorSets(device_.handle(), static_cast<uint32_t>(used.size()), writes.data(), 0,
+    vkUpdateDescriptorSets(device_.handle(), static_cast<uint32_t>(writes.size()), writes.data(), 0,
                            nullptr);
     return set;
+}
+
+VkBufferView Recorder::texelView(const BufferView& view, const std::string& kernel,
+                                 const std::string& buffer) {
+    CHECK(device_.info().texels, "{} runs on devices that read texels", kernel);
+    if (view.bytes / 16 >= device_.info().maxTexels)
+        throwMachine("buffer {} of kernel {} has {} bytes; this device's texel buffers reach {}",
+                     buffer, kernel, view.bytes, 16 * device_.info().maxTexels);
+    VkBufferView& texels = texelViews_[{view.buffer->handle(), view.offset, view.bytes}];
+    if (texels == VK_NULL_HANDLE) {
+        VkBufferViewCreateInfo info{VK_STRUCTURE_TYPE_BUFFER_VIEW_CREATE_INFO};
+        info.buffer = view.buffer->handle();
+        info.format = VK_FORMAT_R32G32B32A32_SFLOAT;
+        info.offset = view.offset;
+        info.range = alignUp(view.bytes, 16);
+        VK_CHECK(vkCreateBufferView(device_.handle(), &info, nullptr, &texels));
+    }
+    return texels;
 }
 
 void Recorder::dispatch(const Kernel& kernel, std::span<const BoundBuffer> buffers,
@@ -137,7 +172,8 @@ void Recorder::dispatch(const Kernel& kernel, std::span<const BoundBuffer> buffe
             std::memcpy(push.data() + pushBytes, &address, 8);
             pushBytes += 8;
         }
-    } else {
+    }
+    if (kernel.setLayout()) {
         VkDescriptorSet set = descriptorSet(kernel, slots);
         vkCmdBindDescriptorSets(commands_, VK_PIPELINE_BIND_POINT_COMPUTE, kernel.layout(), 0, 1,
                                 &set, 0, nullptr);

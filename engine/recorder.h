@@ -1,10 +1,12 @@
 // Records dispatches, copies and fills into a command buffer and places the barriers itself.
 #pragma once
 
+#include <map>
 #include <memory>
 #include <span>
 #include <string>
 #include <string_view>
+#include <tuple>
 #include <vector>
 
 #include "engine/device.h"
@@ -55,6 +57,8 @@ public:
 private:
     void barrierFor(const std::vector<Access>& accesses);
     VkDescriptorSet descriptorSet(const Kernel& kernel, std::span<const BufferView> slots);
+    VkBufferView texelView(const BufferView& view, const std::string& kernel,
+                           const std::string& buffer);
 
     Device& device_;
     VkCommandBuffer commands_ = VK_NULL_HANDLE;
@@ -63,6 +67,8 @@ private:
     uint32_t timestampCount_ = 0;
     std::vector<VkDescriptorPool> descriptorPools_;
     uint32_t setsLeft_ = 0;
+    // By buffer, offset and bytes.
+    std::map<std::tuple<VkBuffer, uint64_t, uint64_t>, VkBufferView> texelViews_;
     HazardTracker hazards_;
     size_t barriers_ = 0;
     bool pending_ = false;

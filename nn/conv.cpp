@@ -56,8 +56,11 @@ Tensor gatherColumns(Graph& graph, const Windows& w, const Tensor& image, int64_
     Groups groups = planes(pairs ? windows / 2 : windows, w.channels, images, spec);
     spec["kWidth"] = u32(width);
     spec["kWindowPanels"] = windowPanels;
-    graph.dispatchGroups(pairs ? "conv/columns_pairs.gather" : "conv/columns.gather",
-                         {{"image", image}, {"columns", columns}}, params, groups, spec);
+    const char* kernel = !pairs ? "conv/columns.gather"
+                         : loadsTexels(graph.device()) && w.width % 4 == 0
+                             ? "conv/columns_texels.gather"
+                             : "conv/columns_pairs.gather";
+    graph.dispatchGroups(kernel, {{"image", image}, {"columns", columns}}, params, groups, spec);
     return columns;
 }
 

@@ -22,8 +22,8 @@ int64_t ceilDiv(int64_t a, int64_t b) { return (a + b - 1) / b; }
 constexpr int64_t kHalfSteps = std::max<int64_t>(kMatrixTile, kGemmUnroll);
 int64_t halfPanelSteps(int64_t k) { return ceilDiv(k, kHalfSteps) * kHalfSteps; }
 
-bool even(std::initializer_list<int64_t> values) {
-    return std::ranges::all_of(values, [](int64_t v) { return v % 2 == 0; });
+bool divisible(int64_t by, std::initializer_list<int64_t> values) {
+    return std::ranges::all_of(values, [by](int64_t v) { return v % by == 0; });
 }
 
 // How a product is spread over workgroups.
@@ -41,11 +41,9 @@ struct Plan {
 };
 
 bool runsOnCpu(const Device& device) {
-    // One subgroup per workgroup, which divides the pairs of A in a body of the loop. Descriptors
+    // One subgroup per workgroup, which divides the texels of A in a body of the loop. Descriptors
     // are for tests: the plain kernel is tested there.
-    return device.info().cpu && device.info().int64 &&
-           32 % std::max(1u, device.info().subgroupSize) == 0 &&
-           device.binding() == Binding::Addresses;
+    return loadsTexels(device) && 16 % std::max(1u, device.info().subgroupSize) == 0;
 }
 
 Plan plan(const Device& device, const Gemm& g) {
@@ -59,8 +57,8 @@ Plan plan(const Device& device, const Gemm& g) {
     if (p.onCpu) {
         p.lanes = device.info().subgroupSize;
         // Packing costs some five cycles per element, a product a quarter of one per element of A
-        // and column. Odd rows cannot be read in pairs, so that they gain more.
-        auto worth = [](int64_t uses, int64_t ld) { return uses >= (ld % 2 == 0 ? 256 : 64); };
+        // and column. Rows that do not start at texels gain more.
+        auto worth = [](int64_t uses, int64_t ld) { return uses >= (ld % 4 == 0 ? 256 : 64); };
         p.panelsA = !g.panelsA && worth(g.n, g.lda);
         p.panelsB = !g.panelsB && worth(g.m, g.ldb);
     }
@@ -101,8 +99,10 @@ Tensor pack(Graph& graph, const Source& s, int64_t steps, int64_t stepsInPanel, 
                         .strideStep = u32(s.strideStep),
                         .panels = u32(panels)};
     uint32_t pairs = 0;
-    if (s.strideItem == 1 && even({s.start, s.strideMatrix, s.strideStep, s.count})) pairs = 1;
-    if (s.strideStep == 1 && even({s.start, s.strideMatrix, s.strideItem, steps})) pairs = 2;
+    if (s.strideItem == 1 && divisible(2, {s.start, s.strideMatrix, s.strideStep, s.count}))
+        pairs = 1;
+    if (s.strideStep == 1 && divisible(2, {s.start, s.strideMatrix, s.strideItem, steps}))
+        pairs = 2;
     int64_t invocations = ceilDiv(stepsInPanel, 4) * (width / 2);
     graph.dispatchGroups(
         "linalg/panels.pack",
@@ -121,7 +121,7 @@ bool narrowProduct(Graph& graph, const Tensor& a, const Tensor& b, const Tensor&
                    const Plan& p) {
     if (!p.onCpu || p.halves || g.n > 4 || g.m < 256 || g.k < 2 || p.parts > 1 || g.batch > 1 ||
         g.transA || g.panelsA || g.panelsB || !g.transB || g.accumulate || g.relu || g.biasPerRow ||
-        !even({g.k, g.lda, g.startA, g.ldb, g.startB}))
+        !divisible(2, {g.k, g.lda, g.startA, g.ldb, g.startB}))
         return false;
     GemmParams params{.m = u32(g.m),
                       .n = u32(g.n),
@@ -140,6 +140,10 @@ bool narrowProduct(Graph& graph, const Tensor& a, const Tensor& b, const Tensor&
 }
 
 }  // namespace
+
+bool loadsTexels(const Device& device) {
+    return device.info().texels && device.info().int64 && device.binding() == Binding::Addresses;
+}
 
 uint32_t vectorLanes(const Device& device) {
     return runsOnCpu(device) ? device.info().subgroupSize : 0;
@@ -295,19 +299,20 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
             {{"a", left}, {"b", right}, {"c", out}, {"bias", bias}, {"largest", largest}}, params,
             groups, spec);
     } else if (p.onCpu) {
-        spec["kEvenA"] =
-            layoutA == kGemmPanels || even({g.lda, g.startA, g.strideA, g.transA ? g.m : g.k});
-        spec["kEvenB"] =
-            layoutB == kGemmPanels || even({g.ldb, g.startB, g.strideB, g.transB ? g.k : g.n});
-        spec["kEvenC"] = even({g.ldc, g.startC, g.strideC, g.n, params.strideCPart});
-        graph.dispatchGroups("linalg/gemm_pairs.tile",
+        spec["kQuadA"] =
+            !p.halves && (layoutA == kGemmPanels || divisible(4, {g.lda, g.startA, g.strideA}));
+        spec["kQuadB"] =
+            !p.halves && (layoutB == kGemmPanels ||
+                          divisible(4, {g.ldb, g.startB, g.strideB, g.transB ? g.k : 0}));
+        spec["kEvenC"] = divisible(2, {g.ldc, g.startC, g.strideC, g.n, params.strideCPart});
+        graph.dispatchGroups("linalg/gemm_texels.tile",
                              {{"a", left},
                               {"b", right},
                               {"c", out},
                               {"bias", bias},
                               {"largest", largest},
-                              {"aPairs", left},
-                              {"bPairs", right},
+                              {"aQuads", left},
+                              {"bQuads", right},
                               {"cPairs", out}},
                              params, groups, spec);
     } else {

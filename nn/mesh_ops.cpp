@@ -31,10 +31,6 @@ MeshTensors meshOf(OpCall& c) {
 }
 
 // Where a load of eight bytes costs as much as one of four.
-bool loadsPairs(const Device& device) {
-    return device.info().cpu && device.info().int64 && device.binding() == Binding::Addresses;
-}
-
 // [ceil(V/rows), 2H, rows], see graph_panels.comp.
 Tensor graphPanels(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency,
                    const GraphConvWeights& w) {
@@ -45,7 +41,7 @@ Tensor graphPanels(Graph& graph, const Tensor& x, const AdjacencyTensors& adjace
                              static_cast<uint32_t>(w.row), static_cast<uint32_t>(H),
                              divisorOf(uint64_t(H))};
     Specialisation spec{{"kRows", static_cast<uint32_t>(rows)}};
-    if (loadsPairs(graph.device()) && H == w.row) {
+    if (loadsTexels(graph.device()) && H == w.row) {
         int64_t columns = 16;
         while (H % columns != 0) columns -= 4;
         params.byPieces = divisorOf(uint64_t(H / columns));
@@ -104,18 +100,26 @@ Tensor convolve(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency
                            {{"dy", dy}, {"dtail", graph.gradientTarget(tail)}}, params, vertices);
         // dz [V,2O]: what arrives at a vertex, and at its neighbours, for they are mutual.
         Tensor dz = graph.temporary({V, 2 * O});
-        bool pairs = loadsPairs(graph.device()) && O % kPairColumns == 0 && row % 2 == 0;
+        bool pairs = loadsTexels(graph.device()) && O % kPairColumns == 0 && row % 2 == 0;
         AggregateParams perVertex = params;
         perVertex.byRow = divisorOf(uint64_t(pairs ? O / kPairColumns : O));
         uint64_t invocations = uint64_t{vertices} * perVertex.byRow.divisor;
         graph.dispatch(pairs ? "mesh/aggregate_pairs.backward_own" : "mesh/aggregate.backward_own",
                        {{"y", y}, {"dy", dy}, {"dz", dz}}, perVertex, invocations,
                        {{"kRelu", relu}});
-        graph.dispatch(
-            pairs ? "mesh/aggregate_pairs.backward_neighbours"
-                  : "mesh/aggregate.backward_neighbours",
-            {{"neighbourBegin", adjacency.begin}, {"neighbours", adjacency.neighbours}, {"dz", dz}},
-            perVertex, invocations);
+        if (pairs)
+            graph.dispatch("mesh/aggregate_pairs.backward_neighbours",
+                           {{"neighbourBegin", adjacency.begin},
+                            {"neighbours", adjacency.neighbours},
+                            {"dz", dz},
+                            {"dzQuads", dz}},
+                           perVertex, invocations);
+        else
+            graph.dispatch("mesh/aggregate.backward_neighbours",
+                           {{"neighbourBegin", adjacency.begin},
+                            {"neighbours", adjacency.neighbours},
+                            {"dz", dz}},
+                           perVertex, invocations);
         Tensor largest = largestMagnitude(graph, dz);
         if (graph.wantsGradient(x) && !*weights.stacked) {
             stackWeights(graph, weights);

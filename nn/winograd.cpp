@@ -102,10 +102,13 @@ Tensor toTiles(Graph& graph, Side side, Layout layout, const Windows& w, const P
                const Tensor& image) {
     TileDispatch d = tileDispatch(graph.device(), w, piece, side, layout);
     Tensor matrices = graph.temporary({Tiling(w).matrices, d.params.strideMatrix});
-    const char* kernel = side == Side::Image ? w.stride == 2 ? "conv/winograd.fine_to_tiles"
-                                                             : "conv/winograd_dense.image_to_tiles"
-                         : w.stride == 2     ? "conv/winograd.coarse_to_tiles"
-                                             : "conv/winograd_dense.results_to_tiles";
+    const bool fine = side == Side::Image, texels = loadsTexels(graph.device());
+    const char* kernel = w.stride == 1 ? fine ? "conv/winograd_dense.image_to_tiles"
+                                              : "conv/winograd_dense.results_to_tiles"
+                         : texels      ? fine ? "conv/winograd_texels.fine_to_tiles"
+                                              : "conv/winograd_texels.coarse_to_tiles"
+                         : fine        ? "conv/winograd.fine_to_tiles"
+                                       : "conv/winograd.coarse_to_tiles";
     graph.dispatchGroups(kernel, {{"image", image}, {"matrices", matrices}}, d.params, d.groups,
                          d.spec);
     return matrices;

@@ -11,7 +11,14 @@
 // multiples of 16 bytes. An entry is given only
 // the buffers that it uses. In the flavour "addresses" they travel behind the parameters as push
 // constants: sizeof(parameters) + 8 bytes per buffer must stay within 128 bytes.
+//
+//     TEXELS(2, quads);     // slot 2's buffer read as vec4, through a descriptor in either flavour
+//     vec4 v = texelFetch(quads, int(i));  // elements 4 i to 4 i + 3; zeros behind the end
+//
+// TEXELS is for kernels that only CPUs run: of any other load lavapipe makes a gather, of this one a
+// call that fetches sixteen bytes at a time, two to eight times as fast (see docs/decisions.md).
 #extension GL_EXT_scalar_block_layout : require
+#extension GL_EXT_samplerless_texture_functions : require
 #if !DESCRIPTORS
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_buffer_reference_uvec2 : require
@@ -37,6 +44,8 @@
     };                                                                                          \
     name##Block name = name##Block(bufferAddresses[slot])
 #endif
+
+#define TEXELS(slot, name) layout(set = 0, binding = slot) uniform textureBuffer name
 
 // The host chooses the workgroup's size (64 unless a dispatch says otherwise).
 layout(local_size_x_id = 0, local_size_x = 64) in;

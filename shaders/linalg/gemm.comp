@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #include "common/op.glsl"
-#define PAIRS 0
+#define GEMM_TEXELS 0
 #include "linalg/gemm.glsl"
 
 ENTRY(tile) { gemmTile(); }

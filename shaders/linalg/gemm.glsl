@@ -1,11 +1,11 @@
 // C = op(A) op(B) (+ bias) (+ C), or the positive part of it. A workgroup makes a tile of kRows rows; each lane sums
 // 2 kPairs columns of it in registers: columns 2 (lane + lanes j) and the next, for j < kPairs.
 //
-// Two builds. With PAIRS = 0 every lane reads the values of A that it needs (a GPU's cache
-// broadcasts them). With PAIRS = 1, for drivers that run lanes as a CPU's vector: a load of one
-// element per lane is a gather there, costs some thirty multiply-adds and no less when all lanes
-// want the same address, but as much for eight bytes as for four. So values are loaded in pairs,
-// each value of A by one lane only, and handed out by subgroupBroadcast.
+// Two builds. With GEMM_TEXELS = 0 every lane reads the values of A that it needs (a GPU's cache
+// broadcasts them). With GEMM_TEXELS = 1, for drivers that run lanes as a CPU's vector: a load is a
+// call there that costs some sixteen multiply-adds for four values of a lane, and no less when all
+// lanes want the same address. So values are loaded four at a time where they lie so, each value of
+// A by one lane only, and handed out by subgroupBroadcast.
 //
 // A and B are read as they lie, transposed, or in panels: what a tile needs of A (kRows rows) or B
 // (its columns), step of k by step of k, without gaps. Rows that are a power of two apart fall into
@@ -13,7 +13,7 @@
 #include "linalg/half_scale.glsl"
 #include "linalg/params.h"
 
-#if PAIRS
+#if GEMM_TEXELS
 #define BUFFERS 8
 #define LARGEST 7
 #else
@@ -26,9 +26,9 @@ BUFFER(1, readonly, float, b);     // rows [batch, k, n]; transposed [batch, n, 
 BUFFER(2, readwrite, float, c);    // [parts, batch, m, n]
 BUFFER(3, readonly, float, bias);  // [n] or [m], see kBias
 BUFFER(LARGEST, readonly, uint, largest);  // [1], see kScaled
-#if PAIRS
-BUFFER(4, readonly, uint64_t, aPairs);  // the same memory
-BUFFER(5, readonly, uint64_t, bPairs);
+#if GEMM_TEXELS
+TEXELS(4, aQuads);                         // the same memory
+TEXELS(5, bQuads);
 BUFFER(6, readwrite, uint64_t, cPairs);
 #endif
 
@@ -38,9 +38,10 @@ layout(constant_id = 3) const uint kLayoutA = 0;  // kGemmRows, kGemmTransposed,
 layout(constant_id = 4) const uint kLayoutB = 0;
 layout(constant_id = 5) const bool kAccumulate = false;
 layout(constant_id = 6) const uint kBias = 0;  // 1: one per column, 2: one per row
-// Whether pairs of A, B, C start at even elements and none is cut by the matrix's end.
-layout(constant_id = 7) const bool kEvenA = false;
-layout(constant_id = 8) const bool kEvenB = false;
+// Whether texels of A and B start at elements divisible by four and none is cut by the end of k
+// (kTransB); whether pairs of C start at even ones and none is cut by the matrix's end.
+layout(constant_id = 7) const bool kQuadA = false;
+layout(constant_id = 8) const bool kQuadB = false;
 layout(constant_id = 9) const bool kEvenC = false;
 layout(constant_id = 10) const uint kLanes = 8;
 layout(constant_id = 11) const bool kRelu = false;
@@ -48,64 +49,62 @@ layout(constant_id = 11) const bool kRelu = false;
 layout(constant_id = 12) const bool kHalves = false;
 layout(constant_id = 13) const bool kScaled = false;
 
-// Steps of k in the loop's body: a loop's sums pass through masks on lavapipe at every turn.
-#if PAIRS
-const uint kUnroll = kGemmUnroll;
+// Steps of k in the loop's body: a loop's sums pass through masks on lavapipe at every turn. Of
+// these, how many are multiplied while a row's sums stay in registers.
+#if GEMM_TEXELS
+const uint kUnroll = kGemmUnroll, kSteps = 4;
 #else
-const uint kUnroll = 2;
+const uint kUnroll = 2, kSteps = 2;
 #endif
-const bool kTransA = kLayoutA != kGemmRows;        // pairs of A are neighbouring rows, not steps
-const bool kTransB = kLayoutB == kGemmTransposed;  // pairs of B are neighbouring steps
-const uint kLoadsA = kRows * kUnroll / 2 / kLanes;  // pairs per lane and body of the loop
+const bool kTransA = kLayoutA != kGemmRows;
+const bool kTransB = kLayoutB == kGemmTransposed;
 
-#if PAIRS
-vec2 unpackPair(uint64_t pair) { return uintBitsToFloat(unpackUint2x32(pair)); }
-#endif
-
-// A[row, k] and A[row, k + 1]; kTransA: A[row, k] and A[row + 1, k]. Zero from end on.
-vec2 loadA(uint base, uint row, uint k, uint end) {
+// A[row, k], zero from end on.
+float loadA(uint base, uint row, uint k, uint end) {
     if (kLayoutA == kGemmPanels) {  // zero behind the end as they are
         uint at = base + k * kRows + row;
-        if (kHalves) {
-            vec2 pair = unpackHalf2x16(floatBitsToUint(a.d[at / 2]));
-            return at % 2 == 0 ? pair : pair.yx;  // rows from an odd one: only the first counts
-        }
-#if PAIRS
-        return unpackPair(aPairs.d[at / 2]);
-#else
-        return vec2(a.d[at], a.d[at + 1]);
-#endif
+        if (!kHalves) return a.d[at];
+        vec2 pair = unpackHalf2x16(floatBitsToUint(a.d[at / 2]));
+        return at % 2 == 0 ? pair.x : pair.y;
     }
-    uint last = end - 1;
-    uint first, second;
-    if (kTransA) {
-        first = base + min(k, last) * params.lda;
-        second = first + min(row + 1, params.m - 1);
-        first += min(row, kEvenA ? params.m - 2 : params.m - 1);
-    } else {
-        first = base + min(row, params.m - 1) * params.lda;
-        second = first + min(k + 1, last);
-        first += min(k, kEvenA ? end - 2 : last);
-    }
-#if PAIRS
-    vec2 v = kEvenA ? unpackPair(aPairs.d[first / 2]) : vec2(a.d[first], a.d[second]);
-#else
-    vec2 v = vec2(a.d[first], a.d[second]);
-#endif
-    return vec2(k < end ? v.x : 0, (kTransA ? k : k + 1) < end ? v.y : 0);
+    uint r = min(row, params.m - 1), s = min(k, end - 1);
+    float v = a.d[base + (kTransA ? s * params.lda + r : r * params.lda + s)];
+    return k < end ? v : 0;
 }
 
-// Two elements of B, second is the first's neighbour where kEvenB.
+#if GEMM_TEXELS
+// Four values of A. kTransA: of rows row to row + 3 at step k; else of steps k to k + 3. Rows
+// behind the last are anything.
+const uint kLoadsA = kRows * kUnroll / 4 / kLanes;  // per lane and body of the loop
+vec4 loadQuadA(uint base, uint row, uint k, uint end) {
+    if (!kQuadA) {
+        vec4 v;
+        [[unroll]] for (uint c = 0; c < 4; ++c)
+            v[c] = kTransA ? loadA(base, row + c, k, end) : loadA(base, row, k + c, end);
+        return v;
+    }
+    if (kLayoutA == kGemmPanels) return texelFetch(aQuads, int((base + k * kRows + row) / 4));
+    if (kTransA) {
+        vec4 v = texelFetch(aQuads, int((base + min(k, end - 1) * params.lda + row) / 4));
+        return k < end ? v : vec4(0);
+    }
+    vec4 v = texelFetch(aQuads, int((base + min(row, params.m - 1) * params.lda + k) / 4));
+    return mix(vec4(0), v, lessThan(uvec4(k, k + 1, k + 2, k + 3), uvec4(end)));
+}
+
+uint elementA(uint i, uint u) {  // of the body's quads, where row i's step u is
+    return kTransA ? u * (kRows / 4) + i / 4 : (u / 4) * kRows + i;
+}
+#endif
+
+// Two neighbours in a row of B, or, second being anywhere, two elements.
 vec2 loadB(uint first, uint second) {
     if (kHalves) return unpackHalf2x16(floatBitsToUint(b.d[first / 2]));
-#if PAIRS
-    if (kEvenB) return unpackPair(bPairs.d[first / 2]);
-#endif
     return vec2(b.d[first], b.d[second]);
 }
 
 void gemmTile() {
-#if PAIRS
+#if GEMM_TEXELS
     uint lane = gl_SubgroupInvocationID;
 #else
     uint lane = gl_LocalInvocationID.x;
@@ -125,13 +124,13 @@ void gemmTile() {
     vec2 sum[kRows][kPairs];
     uint column[kPairs], startB[kPairs], nextB[kPairs];
     [[unroll]] for (uint j = 0; j < kPairs; ++j) {
-        uint within = 2 * (j * kLanes + lane);
+        uint within = GEMM_TEXELS != 0 ? 2 * (lane * kPairs + j) : 2 * (j * kLanes + lane);
         column[j] = tileColumn + within;
         if (kLayoutB == kGemmPanels) {
             startB[j] = baseB + gl_WorkGroupID.y * params.ldb + within;
             nextB[j] = startB[j] + 1;
         } else {
-            startB[j] = min(column[j], kEvenB && !kTransB ? n - 2 : n - 1);
+            startB[j] = min(column[j], n - 1);
             nextB[j] = min(column[j] + 1, n - 1);
             startB[j] = baseB + (kTransB ? startB[j] * ldb : startB[j]);
             nextB[j] = baseB + (kTransB ? nextB[j] * ldb : nextB[j]);
@@ -139,46 +138,65 @@ void gemmTile() {
         [[unroll]] for (uint i = 0; i < kRows; ++i) sum[i][j] = vec2(0);
     }
     uint stepB = kLayoutB == kGemmPanels ? 2 * kPairs * kLanes : ldb;
+#if GEMM_TEXELS
+    // Of B's rows and panels a lane has a texel's columns (kPairs = 2), or half of one's.
+    uint quadB = baseB + (kLayoutB == kGemmPanels ? gl_WorkGroupID.y * params.ldb : tileColumn) +
+                 2 * kPairs * lane;
+    bool upperHalf = quadB % 4 != 0;
+#endif
 
     // Steps behind the end read the last one of B again, times a zero from A.
     for (uint k = begin; k < end; k += kUnroll) {
-#if PAIRS
-        vec2 pairA[kLoadsA];
+#if GEMM_TEXELS
+        vec4 quadsA[kLoadsA];
         [[unroll]] for (uint t = 0; t < kLoadsA; ++t) {
             uint e = t * kLanes + lane;
-            pairA[t] = kTransA ? loadA(baseA, row + 2 * (e % (kRows / 2)), k + e / (kRows / 2), end)
-                               : loadA(baseA, row + e % kRows, k + 2 * (e / kRows), end);
+            quadsA[t] =
+                kTransA ? loadQuadA(baseA, row + 4 * (e % (kRows / 4)), k + e / (kRows / 4), end)
+                        : loadQuadA(baseA, row + e % kRows, k + 4 * (e / kRows), end);
         }
 #endif
-        [[unroll]] for (uint u = 0; u < kUnroll; u += 2) {
-            vec2 b0[kPairs], b1[kPairs];  // steps k + u and k + u + 1
-            uint k0 = min(k + u, end - 1), k1 = min(k + u + 1, end - 1);
-            [[unroll]] for (uint j = 0; j < kPairs; ++j) {
-                if (kTransB) {
-                    if (kEvenB) k0 = min(k + u, end - 2);
-                    vec2 left = loadB(startB[j] + k0, startB[j] + k1);
-                    vec2 right = loadB(nextB[j] + k0, nextB[j] + k1);
-                    b0[j] = vec2(left.x, right.x);
-                    b1[j] = vec2(left.y, right.y);
-                } else {
-                    b0[j] = loadB(startB[j] + k0 * stepB, nextB[j] + k0 * stepB);
-                    b1[j] = loadB(startB[j] + k1 * stepB, nextB[j] + k1 * stepB);
+        [[unroll]] for (uint u = 0; u < kUnroll; u += kSteps) {
+            vec2 ofB[kSteps][kPairs];
+#if GEMM_TEXELS
+            if (kQuadB && kTransB) {
+                uint at = min(k + u, end - 4);
+                [[unroll]] for (uint j = 0; j < kPairs; ++j) {
+                    vec4 left = texelFetch(bQuads, int((startB[j] + at) / 4));
+                    vec4 right = texelFetch(bQuads, int((nextB[j] + at) / 4));
+                    [[unroll]] for (uint s = 0; s < kSteps; ++s)
+                        ofB[s][j] = vec2(left[s], right[s]);
+                }
+            } else if (kQuadB && kPairs <= 2) {
+                [[unroll]] for (uint s = 0; s < kSteps; ++s) {
+                    uint at = quadB + min(k + u + s, end - 1) * stepB;
+                    vec4 v = texelFetch(bQuads, int(at / 4));
+                    if (kPairs == 1) {
+                        ofB[s][0] = upperHalf ? v.zw : v.xy;
+                    } else {
+                        ofB[s][0] = v.xy;
+                        ofB[s][kPairs - 1] = v.zw;
+                    }
+                }
+            } else
+#endif
+            {
+                [[unroll]] for (uint s = 0; s < kSteps; ++s) {
+                    uint at = min(k + u + s, end - 1) * (kTransB ? 1 : stepB);
+                    [[unroll]] for (uint j = 0; j < kPairs; ++j)
+                        ofB[s][j] = loadB(startB[j] + at, nextB[j] + at);
                 }
             }
             [[unroll]] for (uint i = 0; i < kRows; ++i) {
-#if PAIRS
-                uint e0 = kTransA ? u * (kRows / 2) + i / 2 : (u / 2) * kRows + i;
-                uint e1 = kTransA ? e0 + kRows / 2 : e0;
-                vec2 p0 = pairA[e0 / kLanes], p1 = pairA[e1 / kLanes];
-                float a0 = subgroupBroadcast(kTransA && (i & 1) == 1 ? p0.y : p0.x, e0 % kLanes);
-                float a1 = subgroupBroadcast(kTransA && (i & 1) == 0 ? p1.x : p1.y, e1 % kLanes);
+                [[unroll]] for (uint s = 0; s < kSteps; ++s) {
+#if GEMM_TEXELS
+                    uint e = elementA(i, u + s);
+                    float v = subgroupBroadcast(quadsA[e / kLanes][kTransA ? i % 4 : (u + s) % 4],
+                                                e % kLanes);
 #else
-                vec2 p = loadA(baseA, row + i, k + u, end);
-                float a0 = p.x, a1 = kTransA ? loadA(baseA, row + i, k + u + 1, end).x : p.y;
+                    float v = loadA(baseA, row + i, k + u + s, end);
 #endif
-                [[unroll]] for (uint j = 0; j < kPairs; ++j) {
-                    sum[i][j] += a0 * b0[j];
-                    sum[i][j] += a1 * b1[j];
+                    [[unroll]] for (uint j = 0; j < kPairs; ++j) sum[i][j] += v * ofB[s][j];
                 }
             }
         }
@@ -197,9 +215,9 @@ void gemmTile() {
                 if (kScaled) v *= scale;
                 if (kBias == 1) v += vec2(bias.d[column[j]], bias.d[min(column[j] + 1, n - 1)]);
                 if (kBias == 2) v += bias.d[r];
-#if PAIRS
+#if GEMM_TEXELS
                 if (kEvenC) {
-                    if (kAccumulate) v += unpackPair(cPairs.d[at / 2]);
+                    if (kAccumulate) v += uintBitsToFloat(unpackUint2x32(cPairs.d[at / 2]));
                     if (kRelu) v = max(v, vec2(0));
                     cPairs.d[at / 2] = packUint2x32(floatBitsToUint(v));
                     continue;

@@ -6,13 +6,14 @@
 #include "mesh/params.h"
 // aggregate.comp for drivers that run lanes as a CPU's vector, where a load costs as much for eight
 // bytes as for four: pairs of columns, kPairColumns columns per invocation. Rows are even.
-PARAMS(AggregateParams, 6)
+PARAMS(AggregateParams, 7)
 BUFFER(0, readonly, uint64_t, z);         // [V,2O]
 BUFFER(1, readonly, int, neighbourBegin); // [V+1]
 BUFFER(2, readonly, int, neighbours);     // [2E]
 BUFFER(3, readwrite, uint64_t, y);        // [V,row]
 BUFFER(4, readonly, uint64_t, dy);        // [V,row]
 BUFFER(5, readwrite, uint64_t, dz);       // [V,2O]
+TEXELS(6, dzQuads);                       // the same memory
 
 layout(constant_id = 1) const bool kRelu = false;
 
@@ -38,13 +39,14 @@ ENTRY(backward_neighbours) {
     if (i >= params.vertices * pieces) return;
     uint v = quotient(i, params.byRow), column = remainder(i, v, params.byRow) * kPairs;
     uint zRow = params.xRow / 2;
-    vec2 sum[kPairs];
-    [[unroll]] for (uint k = 0; k < kPairs; ++k) sum[k] = vec2(0);
+    vec4 sum[kPairs / 2];
+    [[unroll]] for (uint k = 0; k < kPairs / 2; ++k) sum[k] = vec4(0);
     int end = neighbourBegin.d[v + 1];
     for (int n = neighbourBegin.d[v]; n < end; ++n) {
-        uint at = neighbours.d[n] * zRow + column;
-        [[unroll]] for (uint k = 0; k < kPairs; ++k) sum[k] += unpackPair(dz.d[at + k]);
+        uint at = (neighbours.d[n] * zRow + column) / 2;
+        [[unroll]] for (uint k = 0; k < kPairs / 2; ++k) sum[k] += texelFetch(dzQuads, int(at + k));
     }
     uint at = v * zRow + params.outputs / 2 + column;
-    [[unroll]] for (uint k = 0; k < kPairs; ++k) dz.d[at + k] = packPair(sum[k]);
+    [[unroll]] for (uint k = 0; k < kPairs; ++k)
+        dz.d[at + k] = packPair(k % 2 == 0 ? sum[k / 2].xy : sum[k / 2].zw);
 }

@@ -4,16 +4,16 @@
 #include "common/op.glsl"
 #include "common/pairs.glsl"
 #include "mesh/params.h"
-// graph_panels.comp for drivers that run lanes as a CPU's vector: loads pairs of columns, stores
+// graph_panels.comp for drivers that run lanes as a CPU's vector: loads texels of columns, stores
 // pairs of vertices. H is row and a multiple of kColumns.
 PARAMS(GraphPanelsParams, 4)
-BUFFER(0, readonly, uint64_t, x);          // [V,row]
+TEXELS(0, x);                              // [V,row]
 BUFFER(1, readonly, int, neighbourBegin);  // [V+1]
 BUFFER(2, readonly, int, neighbours);      // [2E]
 BUFFER(3, writeonly, uint64_t, panels);    // [ceil(V/kRows), 2 H, kRows]
 
 layout(constant_id = 1) const uint kRows = 8;
-layout(constant_id = 2) const uint kColumns = 4;  // of an invocation; even
+layout(constant_id = 2) const uint kColumns = 4;  // of an invocation; a multiple of 4
 
 // One invocation per two vertices and kColumns columns of the left half.
 ENTRY(gather) {
@@ -21,31 +21,31 @@ ENTRY(gather) {
     if (i >= (params.vertices + 1) / 2 * pieces) return;
     uint v = quotient(i, params.byPieces), column = remainder(i, v, params.byPieces) * kColumns;
     v *= 2;
-    vec2 own[2][kColumns / 2], sum[2][kColumns / 2];
+    vec4 own[2][kColumns / 4], sum[2][kColumns / 4];
     [[unroll]] for (uint t = 0; t < 2; ++t) {
-        uint vertex = min(v + t, params.vertices - 1), at = (vertex * params.row + column) / 2;
-        [[unroll]] for (uint k = 0; k < kColumns / 2; ++k) {
-            own[t][k] = unpackPair(x.d[at + k]);
-            sum[t][k] = vec2(0);
+        uint vertex = min(v + t, params.vertices - 1), at = (vertex * params.row + column) / 4;
+        [[unroll]] for (uint k = 0; k < kColumns / 4; ++k) {
+            own[t][k] = texelFetch(x, int(at + k));
+            sum[t][k] = vec4(0);
         }
         int begin = neighbourBegin.d[vertex], end = neighbourBegin.d[vertex + 1];
         for (int n = begin; n < end; ++n) {
-            at = (neighbours.d[n] * params.row + column) / 2;
-            [[unroll]] for (uint k = 0; k < kColumns / 2; ++k) sum[t][k] += unpackPair(x.d[at + k]);
+            at = (neighbours.d[n] * params.row + column) / 4;
+            [[unroll]] for (uint k = 0; k < kColumns / 4; ++k) sum[t][k] += texelFetch(x, int(at + k));
         }
         if (column + kColumns > params.inputs) {
             [[unroll]] for (uint k = 0; k < kColumns; ++k) {
                 if (column + k < params.inputs) continue;
                 bool one = column + k == params.inputs;
-                own[t][k / 2][k % 2] = one ? 1 : 0;
-                sum[t][k / 2][k % 2] = one ? float(end - begin) : 0;
+                own[t][k / 4][k % 4] = one ? 1 : 0;
+                sum[t][k / 4][k % 4] = one ? float(end - begin) : 0;
             }
         }
     }
     uint to = v / kRows * (2 * H * kRows) + v % kRows + column * kRows;
     [[unroll]] for (uint k = 0; k < kColumns; ++k) {
-        panels.d[(to + k * kRows) / 2] = packPair(vec2(own[0][k / 2][k % 2], own[1][k / 2][k % 2]));
+        panels.d[(to + k * kRows) / 2] = packPair(vec2(own[0][k / 4][k % 4], own[1][k / 4][k % 4]));
         panels.d[(to + (H + k) * kRows) / 2] =
-            packPair(vec2(sum[0][k / 2][k % 2], sum[1][k / 2][k % 2]));
+            packPair(vec2(sum[0][k / 4][k % 4], sum[1][k / 4][k % 4]));
     }
 }

@@ -4,7 +4,7 @@
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 #extension GL_KHR_shader_subgroup_ballot : require
 #include "common/op.glsl"
-#define PAIRS 1
+#define GEMM_TEXELS 1
 #include "linalg/gemm.glsl"
 
 ENTRY(tile) { gemmTile(); }
