@@ -316,10 +316,13 @@ const Kernel& Device::kernel(std::string_view name, const Specialisation& specia
     if (found == kernels_.end()) {
         auto row = std::ranges::find(shaderTable(), name, &ShaderTableRow::name);
         CHECK(row != shaderTable().end(), "there is a shader entry {}", name);
+        Specialisation complete = specialisation;
+        if (info_.cpu && reflect(row->descriptors).constants.contains("kOnCpu"))
+            complete["kOnCpu"] = 1;  // of shaders/common/op.glsl
         found = kernels_
-                    .emplace(std::move(key), std::make_unique<Kernel>(
-                                                 device_, pipelineCache_, *row,
-                                                 binding_ == Binding::Descriptors, specialisation))
+                    .emplace(std::move(key),
+                             std::make_unique<Kernel>(device_, pipelineCache_, *row,
+                                                      binding_ == Binding::Descriptors, complete))
                     .first;
     }
     return *found->second;

@@ -50,9 +50,19 @@
 // The host chooses the workgroup's size (64 unless a dispatch says otherwise).
 layout(local_size_x_id = 0, local_size_x = 64) in;
 
+#extension GL_KHR_shader_subgroup_basic : require
+// Set by the host for CPUs, whose subgroups are consecutive invocations.
+layout(constant_id = 30) const bool kOnCpu = false;
+
+// gl_LocalInvocationID.x, for which lavapipe divides once per lane.
+uint localIndex() {
+    return kOnCpu ? gl_SubgroupID * gl_SubgroupSize + gl_SubgroupInvocationID
+                  : gl_LocalInvocationID.x;
+}
+
 // This invocation's number in a linear dispatch. Large dispatches are folded into two dimensions
 // because a device need not accept more than 65,535 workgroups in one.
 uint linearIndex() {
     return (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * gl_WorkGroupSize.x +
-           gl_LocalInvocationID.x;
+           localIndex();
 }

@@ -11,7 +11,7 @@ uint64_t packPair(vec2 pair) { return packUint2x32(floatBitsToUint(pair)); }
 // Pair e of this invocation; neighbours of a workgroup take neighbouring pairs.
 uint pairIndex(uint e) {
     uint group = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
-    return (group * kPairsEach + e) * gl_WorkGroupSize.x + gl_LocalInvocationID.x;
+    return (group * kPairsEach + e) * gl_WorkGroupSize.x + localIndex();
 }
 
 // For each pair i of n elements that is this invocation's:  EACH_PAIR(i, params.n) { … }

@@ -22,7 +22,7 @@ const uint kEach = 4;  // elements of an invocation
 
 // Thread t of a channel sums its elements t, t + threads, … of every image. Workgroups: y channels.
 void sumValues() {
-    uint t = gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationID.x;
+    uint t = gl_WorkGroupID.x * gl_WorkGroupSize.x + localIndex();
     uint channel = gl_WorkGroupID.y, count = params.pixels / WIDTH, threads = params.threads;
     if (t >= threads) return;
     uint channels = params.channels, images = params.images;
@@ -49,7 +49,7 @@ void normalise() {
     float slope = params.slope, middle = mean.d[c], scale = deviation.d[c] * weight.d[c];
     float shift = bias.d[c];
     [[unroll]] for (uint e = 0; e < kEach; ++e) {
-        uint p = (gl_WorkGroupID.x * kEach + e) * gl_WorkGroupSize.x + gl_LocalInvocationID.x;
+        uint p = (gl_WorkGroupID.x * kEach + e) * gl_WorkGroupSize.x + localIndex();
         if (p < count) {
             Value v = (value(x.d[plane + p]) - middle) * scale + shift;
             y.d[plane + p] = element(rectified(v, v, slope));
@@ -59,7 +59,7 @@ void normalise() {
 
 // As sumValues: of dy (before the leaky ReLU) and of it times the normalised x.
 void sumGradients() {
-    uint t = gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationID.x;
+    uint t = gl_WorkGroupID.x * gl_WorkGroupSize.x + localIndex();
     uint channel = gl_WorkGroupID.y, count = params.pixels / WIDTH, threads = params.threads;
     if (t >= threads) return;
     uint channels = params.channels, images = params.images;
@@ -91,7 +91,7 @@ void inputGradient() {
     float all = 1.0 / (params.images * params.pixels);
     float meanG = kTraining ? dbias.d[c] * all : 0, meanProduct = kTraining ? dweight.d[c] * all : 0;
     [[unroll]] for (uint e = 0; e < kEach; ++e) {
-        uint p = (gl_WorkGroupID.x * kEach + e) * gl_WorkGroupSize.x + gl_LocalInvocationID.x;
+        uint p = (gl_WorkGroupID.x * kEach + e) * gl_WorkGroupSize.x + localIndex();
         if (p < count) {
             Value normalised = (value(x.d[plane + p]) - middle) * scale;
             Value g = rectified(value(dy.d[plane + p]), normalised * w + shift, slope);

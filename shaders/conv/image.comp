@@ -17,7 +17,7 @@ layout(constant_id = 5) const bool kTurned = false;  // columns count the kernel
 // The transpose of columns.gather: each pixel sums what the windows over it hold for it.
 // Workgroups: x pixels, y channels, z images.
 ENTRY(sum) {
-    uint pixel = gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationID.x;
+    uint pixel = gl_WorkGroupID.x * gl_WorkGroupSize.x + localIndex();
     uint channel = gl_WorkGroupID.y, n = gl_WorkGroupID.z;
     uint width = params.width, height = params.height;
     if (pixel >= width * height) return;

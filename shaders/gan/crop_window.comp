@@ -18,7 +18,7 @@ ivec2 startOf(uint plane) {
 
 // Workgroups: x columns, y rows, z planes.
 uvec2 pixel() {
-    return uvec2(gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationID.x, gl_WorkGroupID.y);
+    return uvec2(gl_WorkGroupID.x * gl_WorkGroupSize.x + localIndex(), gl_WorkGroupID.y);
 }
 
 ENTRY(forward) {

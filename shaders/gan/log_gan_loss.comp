@@ -33,10 +33,10 @@ ENTRY(sums) {
 
 ENTRY(finish) {
     vec2 mine = vec2(0);
-    for (uint k = gl_LocalInvocationID.x; k < params.partials; k += gl_WorkGroupSize.x)
+    for (uint k = localIndex(); k < params.partials; k += gl_WorkGroupSize.x)
         mine += partial.d[k];
     vec2 sum = workgroupSum(mine);
-    if (gl_LocalInvocationID.x == 0) loss.d[0] = sum.x / float(params.n);
+    if (localIndex() == 0) loss.d[0] = sum.x / float(params.n);
 }
 
 ENTRY(backward) {

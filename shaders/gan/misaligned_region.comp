@@ -11,7 +11,7 @@ BUFFER(3, writeonly, float, region);   // [H,W]
 
 // Workgroups: x columns, y rows.
 ENTRY(forward) {
-    uint column = gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationID.x;
+    uint column = gl_WorkGroupID.x * gl_WorkGroupSize.x + localIndex();
     uint row = gl_WorkGroupID.y, i = row * params.width + column;
     if (column >= params.width) return;
     ivec2 start = ivec2(windowStart(centres.d[2 * params.row], params.faceSize),

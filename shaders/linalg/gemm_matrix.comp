@@ -64,7 +64,7 @@ ENTRY(tile) {
             }
             matrixStore(staged[0], sum[i][j], kRowMajor, kMatrixN, kAlignedShared, 4);
             barrier();
-            for (uint e = gl_LocalInvocationID.x; e < kMatrixM * kMatrixN;
+            for (uint e = localIndex(); e < kMatrixM * kMatrixN;
                  e += gl_WorkGroupSize.x) {
                 uint r = row + e / kMatrixN, s = column + e % kMatrixN;
                 if (r >= params.m || s >= params.n) continue;

@@ -10,14 +10,14 @@ shared uint best;
 
 // Of the magnitudes: without its sign a float's bits are ordered as it is, NaN being the largest.
 ENTRY(magnitude) {
-    if (gl_LocalInvocationID.x == 0) best = 0;
+    if (localIndex() == 0) best = 0;
     barrier();
     uint group = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
-    uint first = group * gl_WorkGroupSize.x * kLargestEach + gl_LocalInvocationID.x;
+    uint first = group * gl_WorkGroupSize.x * kLargestEach + localIndex();
     uint end = min(params.elements, (group + 1) * gl_WorkGroupSize.x * kLargestEach);
     uint mine = 0;
     for (uint i = first; i < end; i += gl_WorkGroupSize.x) mine = max(mine, x.d[i] & 0x7fffffffu);
     atomicMax(best, mine);
     barrier();
-    if (gl_LocalInvocationID.x == 0) atomicMax(largest.d[0], best);
+    if (localIndex() == 0) atomicMax(largest.d[0], best);
 }

@@ -29,7 +29,7 @@ vec2 bounded(vec2 v) {
 
 // Workgroups: x steps and items of a panel, y panels, z matrices of the batch.
 ENTRY(pack) {
-    uint i = gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationID.x;
+    uint i = gl_WorkGroupID.x * gl_WorkGroupSize.x + localIndex();
     uint step = i / (kWidth / 2) * kSteps, within = i % (kWidth / 2) * 2;
     uint item = gl_WorkGroupID.y * kWidth + within;
     uint stepsInPanel = params.stepsInPanel, steps = params.steps, count = params.count;

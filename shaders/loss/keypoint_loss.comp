@@ -29,13 +29,13 @@ vec3 offset(uint j) {
 
 ENTRY(forward) {
     vec2 mine = vec2(0);
-    for (uint j = gl_LocalInvocationID.x; j < params.joints; j += gl_WorkGroupSize.x) {
+    for (uint j = localIndex(); j < params.joints; j += gl_WorkGroupSize.x) {
         vec3 o = offset(j);
         float r2 = dot(o.xy, o.xy);
         mine += o.z * vec2(r2 / (r2 + params.scale * params.scale), 1);
     }
     vec2 sum = workgroupSum(mine);
-    if (gl_LocalInvocationID.x > 0) return;
+    if (localIndex() > 0) return;
     weight.d[0] = sum.y;
     loss.d[0] = sum.y == 0 ? 0 : sum.x / sum.y;
 }

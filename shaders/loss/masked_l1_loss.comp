@@ -61,10 +61,10 @@ ENTRY(sums_pairs) {
 
 ENTRY(finish) {
     vec2 mine = vec2(0);
-    for (uint k = gl_LocalInvocationID.x; k < params.partials; k += gl_WorkGroupSize.x)
+    for (uint k = localIndex(); k < params.partials; k += gl_WorkGroupSize.x)
         mine += partial.d[k];
     vec2 sum = workgroupSum(mine);
-    if (gl_LocalInvocationID.x > 0) return;
+    if (localIndex() > 0) return;
     maskSum.d[0] = sum.y;
     loss.d[0] = sum.y == 0 ? 0 : sum.x / sum.y;
 }

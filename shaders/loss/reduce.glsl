@@ -5,7 +5,7 @@ shared vec2 lanes[gl_WorkGroupSize.x];
 
 // The sum over the workgroup, in its first lane.
 vec2 workgroupSum(vec2 mine) {
-    uint lane = gl_LocalInvocationID.x;
+    uint lane = localIndex();
     lanes[lane] = mine;
     barrier();
     for (uint half_ = gl_WorkGroupSize.x / 2; half_ > 0; half_ /= 2) {

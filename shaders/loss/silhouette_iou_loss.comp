@@ -35,10 +35,10 @@ ENTRY(sums) {
 
 ENTRY(finish) {
     vec2 mine = vec2(0);
-    for (uint k = gl_LocalInvocationID.x; k < params.partials; k += gl_WorkGroupSize.x)
+    for (uint k = localIndex(); k < params.partials; k += gl_WorkGroupSize.x)
         mine += partial.d[k];
     vec2 sum = workgroupSum(mine);
-    if (gl_LocalInvocationID.x > 0) return;
+    if (localIndex() > 0) return;
     total.d[0] = sum;
     loss.d[0] = sum.y == 0 ? 0 : 1 - sum.x / sum.y;
 }

@@ -146,7 +146,7 @@ ENTRY(forward_large) {
     for (uint i = gl_WorkGroupID.x; i < count; i += gl_NumWorkGroups.x) {
         SoftFace f = loadFace(faceInList(large.d[1 + i], params.faces));
         uint columns = uint(f.box.x1 - f.box.x0 + 1);
-        for (uint k = gl_LocalInvocationID.x; k < f.box.count; k += gl_WorkGroupSize.x)
+        for (uint k = localIndex(); k < f.box.count; k += gl_WorkGroupSize.x)
             accumulate(f, f.box.x0 + int(k % columns), f.box.y0 + int(k / columns));
     }
 }
@@ -211,7 +211,7 @@ ENTRY(backward_small) {
 }
 
 ENTRY(backward_large) {
-    uint count = large.d[0], lane = gl_LocalInvocationID.x, lanes = gl_WorkGroupSize.x;
+    uint count = large.d[0], lane = localIndex(), lanes = gl_WorkGroupSize.x;
     for (uint i = gl_WorkGroupID.x; i < count; i += gl_NumWorkGroups.x) {
         uint face = faceInList(large.d[1 + i], params.faces);
         SoftFace f = loadFace(face);

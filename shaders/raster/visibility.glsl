@@ -87,7 +87,7 @@ void drawLarge() {
         Triangle t = loadFace(face);
         PixelBox box = pixelBox(t, 0, params.width, params.height);
         uint columns = uint(box.x1 - box.x0 + 1);
-        for (uint k = gl_LocalInvocationID.x; k < box.count; k += gl_WorkGroupSize.x)
+        for (uint k = localIndex(); k < box.count; k += gl_WorkGroupSize.x)
             visit(t, face, box.x0 + int(k % columns), box.y0 + int(k / columns));
     }
 }

@@ -64,7 +64,7 @@ ENTRY(large) {
         Triangle t = loadFace(faceInList(large.d[1 + i], params.faces));
         PixelBox box = pixelBox(t, 0, params.size, params.size);
         uint columns = uint(box.x1 - box.x0 + 1);
-        for (uint k = gl_LocalInvocationID.x; k < box.count; k += gl_WorkGroupSize.x)
+        for (uint k = localIndex(); k < box.count; k += gl_WorkGroupSize.x)
             visit(t, box.x0 + int(k % columns), box.y0 + int(k / columns));
     }
 }
