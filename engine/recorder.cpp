@@ -18,6 +18,11 @@ BufferView described(const BufferView& view) {
     return view.bytes > 0 ? view : BufferView{view.buffer, 0, 16};
 }
 
+// Kernels, copies and fills, and the numbers of workgroups that indirect dispatches read.
+constexpr VkPipelineStageFlags kStages = VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT |
+                                         VK_PIPELINE_STAGE_TRANSFER_BIT |
+                                         VK_PIPELINE_STAGE_DRAW_INDIRECT_BIT;
+
 constexpr uint32_t kSetsPerPool = 256, kBuffersPerSet = 16;
 
 }  // namespace
@@ -54,9 +59,7 @@ void Recorder::barrierFor(const std::vector<Access>& accesses) {
         VkMemoryBarrier barrier{VK_STRUCTURE_TYPE_MEMORY_BARRIER};
         barrier.srcAccessMask = VK_ACCESS_SHADER_WRITE_BIT | VK_ACCESS_SHADER_READ_BIT |
                                 VK_ACCESS_TRANSFER_WRITE_BIT | VK_ACCESS_TRANSFER_READ_BIT;
-        barrier.dstAccessMask = barrier.srcAccessMask;
-        constexpr VkPipelineStageFlags kStages =
-            VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_TRANSFER_BIT;
+        barrier.dstAccessMask = barrier.srcAccessMask | VK_ACCESS_INDIRECT_COMMAND_READ_BIT;
         vkCmdPipelineBarrier(commands_, kStages, kStages, 0, 1, &barrier, 0, nullptr, 0, nullptr);
         hazards_.clear();
         ++barriers_;
@@ -142,9 +145,22 @@ VkBufferView Recorder::texelView(const BufferView& view, const std::string& kern
 
 void Recorder::dispatch(const Kernel& kernel, std::span<const BoundBuffer> buffers,
                         std::span<const std::byte> params, Groups groups) {
+    bind(kernel, buffers, params, {});
+    vkCmdDispatch(commands_, groups.x, groups.y, groups.z);
+}
+
+void Recorder::dispatchIndirect(const Kernel& kernel, std::span<const BoundBuffer> buffers,
+                                std::span<const std::byte> params, const BufferView& groups) {
+    CHECK(groups.buffer && groups.bytes >= 12 && groups.offset % 4 == 0,
+          "{}: three numbers say how many workgroups", kernel.name());
+    bind(kernel, buffers, params, {accessOf(groups, true, false)});
+    vkCmdDispatchIndirect(commands_, groups.buffer->handle(), groups.offset);
+}
+
+void Recorder::bind(const Kernel& kernel, std::span<const BoundBuffer> buffers,
+                    std::span<const std::byte> params, std::vector<Access> accesses) {
     const Reflection& reflection = kernel.reflection();
     std::vector<BufferView> slots(reflection.slotCount);
-    std::vector<Access> accesses;
     for (const KernelBuffer& wanted : reflection.buffers) {
         auto given = std::ranges::find(buffers, std::string_view(wanted.name), &BoundBuffer::name);
         CHECK(given != buffers.end(), "{} is given its buffer {}", kernel.name(), wanted.name);
@@ -181,7 +197,6 @@ void Recorder::dispatch(const Kernel& kernel, std::span<const BoundBuffer> buffe
     if (pushBytes > 0)
         vkCmdPushConstants(commands_, kernel.layout(), VK_SHADER_STAGE_COMPUTE_BIT, 0,
                            static_cast<uint32_t>(pushBytes), push.data());
-    vkCmdDispatch(commands_, groups.x, groups.y, groups.z);
 }
 
 void Recorder::copy(const BufferView& source, const BufferView& target) {
@@ -220,9 +235,7 @@ void Recorder::finish() {
     barrier.srcAccessMask = VK_ACCESS_SHADER_WRITE_BIT | VK_ACCESS_TRANSFER_WRITE_BIT;
     barrier.dstAccessMask = VK_ACCESS_HOST_READ_BIT | VK_ACCESS_SHADER_READ_BIT |
                             VK_ACCESS_SHADER_WRITE_BIT | VK_ACCESS_TRANSFER_READ_BIT |
-                            VK_ACCESS_TRANSFER_WRITE_BIT;
-    constexpr VkPipelineStageFlags kStages =
-        VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_TRANSFER_BIT;
+                            VK_ACCESS_TRANSFER_WRITE_BIT | VK_ACCESS_INDIRECT_COMMAND_READ_BIT;
     vkCmdPipelineBarrier(commands_, kStages, kStages | VK_PIPELINE_STAGE_HOST_BIT, 0, 1, &barrier,
                          0, nullptr, 0, nullptr);
     VK_CHECK(vkEndCommandBuffer(commands_));

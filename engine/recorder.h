@@ -37,6 +37,9 @@ public:
     // most, addresses included.
     void dispatch(const Kernel& kernel, std::span<const BoundBuffer> buffers,
                   std::span<const std::byte> params, Groups groups);
+    // With as many workgroups as `groups` [3] of 32 bits says when the recording is replayed.
+    void dispatchIndirect(const Kernel& kernel, std::span<const BoundBuffer> buffers,
+                          std::span<const std::byte> params, const BufferView& groups);
     void copy(const BufferView& source, const BufferView& target);
     void fill(const BufferView& target, uint32_t word);
     // Notes the time when all earlier work is done.
@@ -55,6 +58,9 @@ public:
     static constexpr uint32_t kMaxTimestamps = 8192;
 
 private:
+    // All of a dispatch but its start; accesses: those besides the buffers'.
+    void bind(const Kernel& kernel, std::span<const BoundBuffer> buffers,
+              std::span<const std::byte> params, std::vector<Access> accesses);
     void barrierFor(const std::vector<Access>& accesses);
     VkDescriptorSet descriptorSet(const Kernel& kernel, std::span<const BufferView> slots);
     VkBufferView texelView(const BufferView& view, const std::string& kernel,

@@ -22,6 +22,7 @@ Graph::Graph(Device& device) : device_(device) {}
 Graph::~Graph() {
     // Recorders wait for what is in flight before the buffers go.
     for (auto& recorder : recorders_) recorder.reset();
+    preparation_.reset();
 }
 
 // ---- tensors ------------------------------------------------------------------------------------
@@ -128,7 +129,8 @@ void Graph::addDispatch(const char* kernel, std::initializer_list<Argument> argu
               std::vector<std::byte>(params.begin(), params.end()),
               groups,
               invocations,
-              0};
+              0,
+              {}};
     for (const Argument& argument : arguments) {
         use(argument.tensor);
         step.arguments.emplace_back(argument.name, argument.tensor);
@@ -138,14 +140,44 @@ void Graph::addDispatch(const char* kernel, std::initializer_list<Argument> argu
 
 void Graph::fill(const Tensor& tensor, uint32_t word) {
     use(tensor);
-    steps_.push_back({Step::What::Fill, ops_.size() - 1, {}, {}, {{"", tensor}}, {}, {}, 0, word});
+    steps_.push_back(
+        {Step::What::Fill, ops_.size() - 1, {}, {}, {{"", tensor}}, {}, {}, 0, word, {}});
 }
 
 void Graph::copy(const Tensor& source, const Tensor& target) {
     use(source);
     use(target);
-    steps_.push_back(
-        {Step::What::Copy, ops_.size() - 1, {}, {}, {{"", source}, {"", target}}, {}, {}, 0, 0});
+    steps_.push_back({Step::What::Copy,
+                      ops_.size() - 1,
+                      {},
+                      {},
+                      {{"", source}, {"", target}},
+                      {},
+                      {},
+                      0,
+                      0,
+                      {}});
+}
+
+// ---- what replays leave to the next -------------------------------------------------------------
+
+void Graph::keep(const Tensor& tensor) {
+    CHECK(!compiled_, "what is kept is named before compile()");
+    storages_[size_t(tensor.storage)].kept = true;
+}
+
+void Graph::endPreparation() {
+    CHECK(!compiled_ && preparationEnd_ == 0, "a graph has one preparation");
+    preparationEnd_ = steps_.size();
+}
+
+void Graph::prepare() {
+    CHECK(compiled_ && preparation_, "this graph has a preparation");
+    for (auto& recorder : recorders_) recorder->wait();
+    stageInputs(0);
+    preparation_->submit();
+    preparation_->wait();
+    prepared_ = true;
 }
 
 // ---- reverse mode -------------------------------------------------------------------------------
@@ -171,9 +203,7 @@ void Graph::differentiate(std::vector<Tensor> inputs, std::vector<Tensor> output
         {ops_.back().name, std::move(inputs), std::move(outputs), std::move(backward)});
 }
 
-void Graph::watch(const Tensor& tensor) {
-    storages_[size_t(tensor.storage)].differentiable = true;
-}
+void Graph::watch(const Tensor& tensor) { storages_[size_t(tensor.storage)].differentiable = true; }
 
 bool Graph::wantsGradient(const Tensor& tensor) const {
     return tensor && storages_[size_t(tensor.storage)].differentiable;
@@ -245,6 +275,14 @@ void Graph::planMemory(const CompileOptions& options) {
     for (const HostOutput& output : outputs_) {
         Storage& storage = storages_[size_t(output.tensor.storage)];
         if (storage.firstUse < 0) storage.firstUse = 0;
+        storage.lastUse = static_cast<int>(steps_.size());
+    }
+    for (Storage& storage : storages_) {
+        auto ofPreparation = [&](int use) { return static_cast<size_t>(use) < preparationEnd_; };
+        if (storage.firstUse < 0) continue;
+        storage.kept |= ofPreparation(storage.firstUse) && !ofPreparation(storage.lastUse);
+        if (!storage.kept) continue;
+        storage.firstUse = 0;
         storage.lastUse = static_cast<int>(steps_.size());
     }
     std::vector<size_t> order;
@@ -347,24 +385,29 @@ void Graph::compile(const CompileOptions& options) {
     for (int slot = 0; slot < 2; ++slot) {
         upload_[slot] = device_.allocate(uploadBytes, Memory::Upload);
         readback_[slot] = device_.allocate(readbackBytes, Memory::Readback);
-        record(slot, options);
+        recorders_[slot] = recorded(slot, preparationEnd_, steps_.size(), options);
     }
+    if (preparationEnd_ > 0) preparation_ = recorded(0, 0, preparationEnd_, options);
     compiled_ = true;
 }
 
-void Graph::record(int slot, const CompileOptions& options) {
-    recorders_[slot] = std::make_unique<Recorder>(device_);
-    Recorder& recorder = *recorders_[slot];
+// A recording of the steps [begin, end).
+std::unique_ptr<Recorder> Graph::recorded(int slot, size_t begin, size_t end,
+                                          const CompileOptions& options) {
+    auto recording = std::make_unique<Recorder>(device_);
+    Recorder& recorder = *recording;
+    const bool preparing = end == preparationEnd_;
     for (const HostInput& input : inputs_)
         if (input.bytes > 0)
             recorder.copy({&upload_[slot], input.stagingOffset, input.bytes},
                           storages_[size_t(input.storage)].view);
     if (options.poison)
         for (const Storage& storage : storages_)
-            if (storage.kind == Kind::Temporary && storage.view.buffer && storage.bytes > 0)
+            if (storage.kind == Kind::Temporary && storage.view.buffer && storage.bytes > 0 &&
+                (preparing || !storage.kept))
                 recorder.fill(storage.view, 0xffffffffu);
     if (options.timestamps) recorder.timestamp();
-    for (size_t i = 0; i < steps_.size(); ++i) {
+    for (size_t i = begin; i < end; ++i) {
         const Step& step = steps_[i];
         switch (step.what) {
             case Step::What::Fill:
@@ -386,18 +429,22 @@ void Graph::record(int slot, const CompileOptions& options) {
                 std::vector<BoundBuffer> buffers;
                 for (const auto& [name, tensor] : step.arguments)
                     buffers.push_back({name, viewOf(tensor)});
-                recorder.dispatch(kernel, buffers, step.params, groups);
+                if (step.indirect)
+                    recorder.dispatchIndirect(kernel, buffers, step.params, viewOf(step.indirect));
+                else
+                    recorder.dispatch(kernel, buffers, step.params, groups);
                 break;
             }
         }
-        bool lastOfOp = i + 1 == steps_.size() || steps_[i + 1].op != step.op;
+        bool lastOfOp = i + 1 == end || steps_[i + 1].op != step.op;
         if (options.timestamps && lastOfOp) recorder.timestamp();
     }
     for (const HostOutput& output : outputs_)
-        if (output.tensor.bytes() > 0)
+        if (output.tensor.bytes() > 0 && !preparing)
             recorder.copy(viewOf(output.tensor),
                           {&readback_[slot], output.stagingOffset, output.tensor.bytes()});
     recorder.finish();
+    return recording;
 }
 
 void Graph::writeBytes(const Tensor& tensor, std::span<const std::byte> bytes) {
@@ -414,16 +461,21 @@ void Graph::writeBytes(const Tensor& tensor, std::span<const std::byte> bytes) {
 
 void Graph::submit() {
     CHECK(compiled_, "a graph is compiled before it runs");
+    CHECK(!preparation_ || prepared_, "a graph with a preparation is prepared before it runs");
     Recorder& recorder = *recorders_[slot_];
     recorder.wait();  // this slot's replay before last still reads its staging memory
-    for (HostInput& input : inputs_) {
-        if (input.slotVersion[slot_] == input.version) continue;
-        std::ranges::copy(input.value, upload_[slot_].mapped() + input.stagingOffset);
-        input.slotVersion[slot_] = input.version;
-    }
+    stageInputs(slot_);
     recorder.submit();
     slot_ ^= 1;
     ++replays_;
+}
+
+void Graph::stageInputs(int slot) {
+    for (HostInput& input : inputs_) {
+        if (input.slotVersion[slot] == input.version) continue;
+        std::ranges::copy(input.value, upload_[slot].mapped() + input.stagingOffset);
+        input.slotVersion[slot] = input.version;
+    }
 }
 
 int Graph::slotOf(int back) const {
@@ -449,9 +501,9 @@ std::vector<OpProfile> Graph::profile() {
     std::vector<double> times = recorders_[slot_ ^ 1]->timestamps();
     std::vector<OpProfile> profiles;
     size_t stamp = 0;
-    for (size_t i = 0; i < steps_.size(); ++i) {
+    for (size_t i = preparationEnd_; i < steps_.size(); ++i) {
         const Step& step = steps_[i];
-        if (i == 0 || steps_[i - 1].op != step.op)
+        if (i == preparationEnd_ || steps_[i - 1].op != step.op)
             profiles.push_back({ops_[step.op].name, 0, ops_[step.op].flops, 0});
         for (const auto& [name, tensor] : step.arguments) profiles.back().bytes += tensor.bytes();
         bool lastOfOp = i + 1 == steps_.size() || steps_[i + 1].op != step.op;

@@ -92,6 +92,15 @@ public:
         addDispatch(kernel, arguments, std::as_bytes(std::span(&params, 1)), groups, invocations,
                     spec);
     }
+    // With as many workgroups as `groups` [3] says in each replay.
+    template <typename Params>
+    void dispatchIndirect(const char* kernel, std::initializer_list<Argument> arguments,
+                          const Params& params, const Tensor& groups,
+                          const Specialisation& spec = {}) {
+        use(groups);
+        dispatchGroups(kernel, arguments, params, {}, spec);
+        steps_.back().indirect = groups;
+    }
     void fill(const Tensor& tensor, uint32_t word = 0);
     void copy(const Tensor& source, const Tensor& target);
 
@@ -114,6 +123,16 @@ public:
     void backward(const Tensor& loss);
     // Gradients of sum over pairs of <output, upstream>.
     void backward(const std::vector<std::pair<Tensor, Tensor>>& upstream);
+
+    // ---- what replays leave to the next -----------------------------------------------------
+    // This temporary's memory is its own, so that the next replay finds what this one left there.
+    void keep(const Tensor& tensor);
+    // What was added so far is the preparation, which prepare() runs and submit() does not: what
+    // depends on parameters and on inputs that seldom change. Tensors of it that later ops use
+    // keep what it left.
+    void endPreparation();
+    // Runs the preparation with the inputs as written, and waits. Comes before the first submit().
+    void prepare();
 
     // ---- running ----------------------------------------------------------------------------
     void compile(const CompileOptions& options = {});
@@ -169,7 +188,7 @@ private:
         Kind kind;
         uint64_t bytes = 0;
         int firstUse = -1, lastUse = -1;  // steps
-        bool differentiable = false;
+        bool differentiable = false, kept = false;
         BufferView view;  // known from the start (Attached) or after compile()
     };
     struct Step {
@@ -182,6 +201,7 @@ private:
         Groups groups;
         uint64_t invocations = 0;
         uint32_t word = 0;
+        Tensor indirect;  // where the number of workgroups is read from
     };
     struct Op {
         std::string name;
@@ -220,7 +240,9 @@ private:
     void readBytes(const Tensor& output, std::span<std::byte> bytes, int back);
     int slotOf(int back) const;
     void planMemory(const CompileOptions& options);
-    void record(int slot, const CompileOptions& options);
+    std::unique_ptr<Recorder> recorded(int slot, size_t begin, size_t end,
+                                       const CompileOptions& options);
+    void stageInputs(int slot);
     BufferView viewOf(const Tensor& tensor) const;
 
     Device& device_;
@@ -235,7 +257,9 @@ private:
     std::vector<HostOutput> outputs_;
     std::vector<Buffer> buffers_;  // constants, inputs, temporaries
     Buffer upload_[2], readback_[2];
-    std::unique_ptr<Recorder> recorders_[2];
+    std::unique_ptr<Recorder> recorders_[2], preparation_;
+    size_t preparationEnd_ = 0;  // steps
+    bool prepared_ = false;
     Tensor none_, step_;
     int slot_ = 0;         // of the next submission
     int64_t replays_ = 0;  // submitted so far

@@ -73,7 +73,91 @@ void addRegressor(Graph& graph, LbsModel& model, const std::vector<std::vector<i
     model.vertexEntries = listConstant(graph, vertexEntries);
 }
 
+// What poseBody() makes besides its result, for gradients.
+struct Posing {
+    Tensor world, transforms;  // [24,3,4]
+    Tensor features;           // [207]
+    Tensor posed;              // [V,3] in rest pose, all blend shapes added
+    PosedBody body;
+};
+
+Posing posing(Graph& graph, const LbsModel& model, const ShapedBody& shaped, const Tensor& theta,
+              const Tensor& trans, const RowTiles& rows) {
+    auto vertices = static_cast<uint32_t>(model.vertexCount);
+    BodyParams params{vertices, model.influences, 0};
+    Shape shape = shaped.verts.shape;
+    bool blends = static_cast<bool>(model.poseDirections);
+    Posing p{.world = graph.temporary({kJoints, 3, 4}),
+             .transforms = graph.temporary({kJoints, 3, 4}),
+             .features = graph.temporary({kPoseFeatures}),
+             .posed = blends ? graph.temporary(shape) : shaped.verts,
+             .body = {graph.temporary(shape), graph.temporary({kJoints, 3})}};
+    graph.dispatch("body/pose.forward",
+                   {{"theta", theta},
+                    {"rest", shaped.joints},
+                    {"parents", model.parents},
+                    {"trans", trans},
+                    {"world", p.world},
+                    {"transforms", p.transforms},
+                    {"joints", p.body.joints},
+                    {"features", p.features}},
+                   params, 1, {{"local_size", 1}});
+    if (blends)
+        graph.dispatch("body/pose_blend.forward",
+                       {{"poseDirections", model.poseDirections},
+                        {"features", p.features},
+                        {"shaped", shaped.verts},
+                        {"posed", p.posed}},
+                       params, uint64_t{vertices} * 3);
+    dispatchRows(graph, "body/skin.forward", rows,
+                 {{"posed", p.posed},
+                  {"weights", model.weights},
+                  {"weightJoints", model.weightJoints},
+                  {"transformPairs", p.transforms},
+                  {"trans", trans},
+                  {"verts", p.body.verts},
+                  {"tiles", rows.list(graph)}},
+                 params, vertices);
+    if (rows) graph.keep(p.body.verts);
+    return p;
+}
+
+ShapedBody shaping(Graph& graph, const LbsModel& model, const Tensor& templateVerts,
+                   const Tensor& beta) {
+    CHECK(templateVerts.shape == Shape({model.vertexCount, 3}), "the template has the body's {}",
+          toString({model.vertexCount, 3}));
+    auto vertices = static_cast<uint32_t>(model.vertexCount);
+    BodyParams params{vertices, model.influences, 0};
+    ShapedBody shaped{graph.temporary(templateVerts.shape), graph.temporary({kJoints, 3})};
+    graph.dispatch("body/shape.forward",
+                   {{"templateVerts", templateVerts},
+                    {"directionPairs", model.shapeDirections},
+                    {"betaPairs", beta},
+                    {"shaped", shaped.verts}},
+                   params, vertices);
+    graph.dispatch("body/regress.forward",
+                   {{"regressor", model.regressor},
+                    {"jointBegin", model.jointBegin},
+                    {"jointVertices", model.jointVertices},
+                    {"shaped", shaped.verts},
+                    {"rest", shaped.joints}},
+                   params, uint64_t{3 * kJoints});
+    return shaped;
+}
+
 }  // namespace
+
+ShapedBody shapeBody(Graph& graph, const LbsModel& model, const Tensor& templateVerts,
+                     const Tensor& beta) {
+    graph.beginOp("shape");
+    return shaping(graph, model, templateVerts, beta);
+}
+
+PosedBody poseBody(Graph& graph, const LbsModel& model, const ShapedBody& shaped,
+                   const Tensor& theta, const Tensor& trans, const RowTiles& rows) {
+    graph.beginOp("lbs");
+    return posing(graph, model, shaped, theta, trans, rows).body;
+}
 
 LbsModel lbsModel(Graph& graph, const BodyModel& body) {
     LbsModel model;
@@ -119,60 +203,16 @@ LbsModel lbsModel(Graph& graph, const BodyModel& body) {
 
 PosedBody lbs(Graph& graph, const LbsModel& model, const Tensor& templateVerts, const Tensor& theta,
               const Tensor& beta, const Tensor& trans) {
-    CHECK(templateVerts.shape == Shape({model.vertexCount, 3}), "the template has the body's {}",
-          toString({model.vertexCount, 3}));
     CHECK(theta.elements() == 3 * kJoints && beta.elements() == kShapes && trans.elements() == 3,
           "theta has 72 numbers, beta 10, trans 3");
     auto vertices = static_cast<uint32_t>(model.vertexCount);
     BodyParams params{vertices, model.influences, 0};
     bool blends = static_cast<bool>(model.poseDirections);
-    Tensor shaped = graph.temporary(templateVerts.shape);
-    Tensor rest = graph.temporary({kJoints, 3});
-    Tensor world = graph.temporary({kJoints, 3, 4}), transforms = graph.temporary({kJoints, 3, 4});
-    Tensor joints = graph.temporary({kJoints, 3});
-    Tensor features = graph.temporary({kPoseFeatures});
-    Tensor posed = blends ? graph.temporary(templateVerts.shape) : shaped;
-    Tensor verts = graph.temporary(templateVerts.shape);
-
     graph.beginOp("lbs");
-    graph.dispatch("body/shape.forward",
-                   {{"templateVerts", templateVerts},
-                    {"directionPairs", model.shapeDirections},
-                    {"betaPairs", beta},
-                    {"shaped", shaped}},
-                   params, vertices);
-    graph.dispatch("body/regress.forward",
-                   {{"regressor", model.regressor},
-                    {"jointBegin", model.jointBegin},
-                    {"jointVertices", model.jointVertices},
-                    {"shaped", shaped},
-                    {"rest", rest}},
-                   params, uint64_t{3 * kJoints});
-    graph.dispatch("body/pose.forward",
-                   {{"theta", theta},
-                    {"rest", rest},
-                    {"parents", model.parents},
-                    {"trans", trans},
-                    {"world", world},
-                    {"transforms", transforms},
-                    {"joints", joints},
-                    {"features", features}},
-                   params, 1, {{"local_size", 1}});
-    if (blends)
-        graph.dispatch("body/pose_blend.forward",
-                       {{"poseDirections", model.poseDirections},
-                        {"features", features},
-                        {"shaped", shaped},
-                        {"posed", posed}},
-                       params, uint64_t{vertices} * 3);
-    graph.dispatch("body/skin.forward",
-                   {{"posed", posed},
-                    {"weights", model.weights},
-                    {"weightJoints", model.weightJoints},
-                    {"transformPairs", transforms},
-                    {"trans", trans},
-                    {"verts", verts}},
-                   params, vertices);
+    const ShapedBody shaped = shaping(graph, model, templateVerts, beta);
+    const Posing p = posing(graph, model, shaped, theta, trans, {});
+    const Tensor rest = shaped.joints, world = p.world, transforms = p.transforms, posed = p.posed;
+    const Tensor verts = p.body.verts, joints = p.body.joints;
 
     graph.differentiate({templateVerts, theta, beta, trans}, {verts, joints}, [=, &graph] {
         Tensor dverts = graph.gradient(verts), djoints = graph.gradient(joints);
@@ -263,7 +303,7 @@ PosedBody lbs(Graph& graph, const LbsModel& model, const Tensor& templateVerts, 
 }
 
 Tensor rigidTransform(Graph& graph, const Tensor& verts, const Tensor& rotation,
-                      const Tensor& pivot, const Tensor& trans) {
+                      const Tensor& pivot, const Tensor& trans, const RowTiles& rows) {
     CHECK(verts.shape.size() == 2 && verts.dim(1) == 3, "vertices have the shape [V,3]");
     CHECK(rotation.elements() == 3 && pivot.elements() == 3 && trans.elements() == 3,
           "rotation, pivot and trans have three numbers");
@@ -271,10 +311,15 @@ Tensor rigidTransform(Graph& graph, const Tensor& verts, const Tensor& rotation,
     BodyParams params{vertices, 0, chunksOf(vertices)};
     Tensor y = graph.temporary(verts.shape);
     graph.beginOp("rigid_transform");
-    graph.dispatch(
-        "body/rigid.forward",
-        {{"verts", verts}, {"rotation", rotation}, {"pivot", pivot}, {"trans", trans}, {"y", y}},
-        params, vertices);
+    dispatchRows(graph, "body/rigid.forward", rows,
+                 {{"verts", verts},
+                  {"rotation", rotation},
+                  {"pivot", pivot},
+                  {"trans", trans},
+                  {"y", y},
+                  {"tiles", rows.list(graph)}},
+                 params, vertices);
+    if (rows) return graph.keep(y), y;
     graph.differentiate({verts, rotation, pivot, trans}, {y}, [=, &graph] {
         Tensor dy = graph.gradient(y);
         if (graph.wantsGradient(verts))

@@ -12,6 +12,7 @@
 
 #include "nn/body.h"
 #include "nn/graph.h"
+#include "nn/rows.h"
 
 namespace doppel {
 
@@ -40,10 +41,22 @@ struct PosedBody {
 PosedBody lbs(Graph& graph, const LbsModel& model, const Tensor& templateVerts, const Tensor& theta,
               const Tensor& beta, const Tensor& trans);
 
+// The same in two steps, without gradients, for bodies that are posed again and again.
+struct ShapedBody {
+    Tensor verts;   // [V,3] before pose blend shapes
+    Tensor joints;  // [24,3] of the unposed body
+};
+ShapedBody shapeBody(Graph& graph, const LbsModel& model, const Tensor& templateVerts,
+                     const Tensor& beta);
+// rows: those whose vertices are computed; the others keep theirs.
+PosedBody poseBody(Graph& graph, const LbsModel& model, const ShapedBody& shaped,
+                   const Tensor& theta, const Tensor& trans, const RowTiles& rows = {});
+
 // y = R(rotation) (verts - pivot) + pivot + trans; verts [V,3], the others [3]. Gradients to all.
 // With theta's first three numbers as rotation and the pelvis as pivot it brings a body posed
 // without global orientation and translation to where theta and trans put it.
+// With rows: these alone, and no gradient.
 Tensor rigidTransform(Graph& graph, const Tensor& verts, const Tensor& rotation,
-                      const Tensor& pivot, const Tensor& trans);
+                      const Tensor& pivot, const Tensor& trans, const RowTiles& rows = {});
 
 }  // namespace doppel

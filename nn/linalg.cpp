@@ -132,10 +132,14 @@ bool narrowProduct(Graph& graph, const Tensor& a, const Tensor& b, const Tensor&
                       .startA = u32(g.startA),
                       .startB = u32(g.startB),
                       .startC = u32(g.startC)};
-    graph.dispatch("linalg/gemm_narrow.rows",
-                   {{"a", a}, {"b", b}, {"c", c}, {"bias", g.bias ? g.bias : graph.none()}}, params,
-                   static_cast<uint64_t>(g.m),
-                   {{"kLanes", p.lanes}, {"kColumns", u32(g.n)}, {"kBias", bool(g.bias)}});
+    dispatchRows(graph, "linalg/gemm_narrow.rows", g.rows,
+                 {{"a", a},
+                  {"b", b},
+                  {"c", c},
+                  {"bias", g.bias ? g.bias : graph.none()},
+                  {"tiles", g.rows.list(graph)}},
+                 params, static_cast<uint64_t>(g.m), kRowTile,
+                 {{"kLanes", p.lanes}, {"kColumns", u32(g.n)}, {"kBias", bool(g.bias)}});
     return true;
 }
 
@@ -168,6 +172,11 @@ int64_t gemmPanelRows(const Device& device, int64_t m) {
         }
     }
     return chosen;
+}
+
+bool gemmTakesRows(const Device& device, int64_t m) {
+    return runsOnCpu(device) && !device.matrixUnits() && device.precision() == Precision::Single &&
+           gemmPanelRows(device, m) == kRowTile;
 }
 
 int64_t gemmPanelWidth(const Device& device, int64_t n) {
@@ -214,6 +223,9 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
         return;
     }
     if (narrowProduct(graph, a, b, c, g, p)) return;
+    // A's panels have only the rows that are listed, so that C can have no others.
+    const bool listed = g.rows && g.panelsA;
+    CHECK(!listed || gemmTakesRows(graph.device(), g.m), "this product can leave rows out");
     Tensor left = a, right = b;
     uint32_t layoutA = g.transA ? kGemmTransposed : g.panelsA ? kGemmPanels : kGemmRows;
     uint32_t layoutB = g.transB ? kGemmTransposed : g.panelsB ? kGemmPanels : kGemmRows;
@@ -248,6 +260,7 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
     }
     bool split = p.parts > 1;
     Tensor out = split ? graph.temporary({p.parts, g.batch, g.m, g.n}) : c;
+    if (split && listed) graph.keep(out);
     if (split) {
         g.ldc = g.n;
         g.startC = 0;
@@ -267,8 +280,7 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
                       .strideB = u32(g.strideB),
                       .strideC = u32(g.strideC),
                       .batch = u32(g.batch),
-                      .kPart = u32(p.kPart),
-                      .strideCPart = split ? u32(strideCPart) : 0};
+                      .kPart = u32(p.kPart)};
     uint32_t biasKind = !g.bias ? 0 : g.biasPerRow ? 2 : 1;
     Groups groups{u32(ceilDiv(g.m, p.rows)), u32(ceilDiv(g.n, p.columns())),
                   u32(p.parts * g.batch)};
@@ -304,17 +316,17 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
         spec["kQuadB"] =
             !p.halves && (layoutB == kGemmPanels ||
                           divisible(4, {g.ldb, g.startB, g.strideB, g.transB ? g.k : 0}));
-        spec["kEvenC"] = divisible(2, {g.ldc, g.startC, g.strideC, g.n, params.strideCPart});
-        graph.dispatchGroups("linalg/gemm_texels.tile",
-                             {{"a", left},
-                              {"b", right},
-                              {"c", out},
-                              {"bias", bias},
-                              {"largest", largest},
-                              {"aQuads", left},
-                              {"bQuads", right},
-                              {"cPairs", out}},
-                             params, groups, spec);
+        spec["kEvenC"] = divisible(2, {g.ldc, g.startC, g.strideC, g.n, split ? strideCPart : 0});
+        spec["kListed"] = listed;
+        std::initializer_list<Argument> arguments{
+            {"a", left},       {"b", right},         {"c", out},
+            {"bias", bias},    {"largest", largest}, {"aQuads", left},
+            {"bQuads", right}, {"cPairs", out},      {"tiles", g.rows.list(graph)}};
+        if (listed)
+            graph.dispatchIndirect("linalg/gemm_texels.tile", arguments, params,
+                                   g.rows.groups(1, groups.y, groups.z), spec);
+        else
+            graph.dispatchGroups("linalg/gemm_texels.tile", arguments, params, groups, spec);
     } else {
         graph.dispatchGroups(
             "linalg/gemm.tile",
@@ -445,13 +457,15 @@ Tensor matmul(Graph& graph, const Tensor& a, const Tensor& b, bool transA, bool 
     return c;
 }
 
-Tensor linear(Graph& graph, const Tensor& x, const Tensor& weight, const Tensor& bias) {
+Tensor linear(Graph& graph, const Tensor& x, const Tensor& weight, const Tensor& bias,
+              const RowTiles& rows) {
     int64_t V = x.dim(0), I = x.dim(1), O = weight.dim(0);
     CHECK(weight.dim(1) == I, "weight {} fits x {}", toString(weight.shape), toString(x.shape));
     Tensor y = graph.temporary({V, O});
-    Gemm product{.m = V, .n = O, .k = I, .transB = true, .bias = bias};
+    Gemm product{.m = V, .n = O, .k = I, .transB = true, .bias = bias, .rows = rows};
     graph.beginOp("linear", flops(product));
     gemm(graph, x, weight, y, product);
+    if (rows) return graph.keep(y), y;
     graph.differentiate({x, weight, bias}, {y}, [=, &graph] {
         Tensor dy = graph.gradient(y), largest = largestMagnitude(graph, dy);
         if (graph.wantsGradient(x))

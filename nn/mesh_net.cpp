@@ -1,5 +1,7 @@
 #include "nn/mesh_net.h"
 
+#include <algorithm>
+
 #include "nn/elementwise.h"
 #include "nn/initialise.h"
 #include "nn/linalg.h"
@@ -7,7 +9,6 @@
 namespace doppel {
 
 namespace {
-
 
 std::string layerName(int block, int layer) {
     return fmt::format("mesh.block{}.layer{}.", block, layer);
@@ -61,18 +62,43 @@ MeshNet::MeshNet(Graph& graph, const Parameters& parameters, const MeshNetConfig
     }
 }
 
-std::vector<Tensor> MeshNet::refine(const Tensor& verts) const {
+int MeshNet::reach() const {
+    size_t edges = 0;
+    for (const Block& block : blocks_) edges += 1 + block.layers.size();  // normals, layers
+    return static_cast<int>(edges);
+}
+
+bool MeshNet::takesRows() const {
+    return std::ranges::all_of(blocks_, [&](const Block& block) {
+        return std::ranges::all_of(block.layers, [&](const GraphConvWeights& layer) {
+            return graphConvTakesRows(graph_.device(), mesh_.vertexCount, layer);
+        });
+    });
+}
+
+std::vector<Tensor> MeshNet::refine(const Tensor& verts) const { return refine(verts, nullptr); }
+
+std::vector<Tensor> MeshNet::refine(const Tensor& verts, const MovedRows& rows) const {
+    return refine(verts, &rows);
+}
+
+std::vector<Tensor> MeshNet::refine(const Tensor& verts, const MovedRows* moved) const {
     std::vector<Tensor> meshes;
-    Tensor moved = verts, features;  // features [V,row], the normals of the block before behind
+    Tensor now = verts, features;  // features [V,row], the normals of the block before behind
+    int edges = 0;
+    auto rows = [&] { return moved ? moved->within(edges) : RowTiles(); };
     for (const Block& block : blocks_) {
-        Tensor normals = vertexNormals(graph_, moved, mesh_);
-        features = withTail(graph_, features, features ? hidden_ : 0, normals);
-        for (const GraphConvWeights& layer : block.layers)
-            features = graphConvLayer(graph_, features, mesh_.adjacency, layer, normals);
+        ++edges;
+        Tensor normals = vertexNormals(graph_, now, mesh_, rows());
+        features = withTail(graph_, features, features ? hidden_ : 0, normals, rows());
+        for (const GraphConvWeights& layer : block.layers) {
+            ++edges;
+            features = graphConvLayer(graph_, features, mesh_.adjacency, layer, normals, rows());
+        }
         Tensor offset =
-            tanh(graph_, linear(graph_, features, block.offsetWeight, block.offsetBias));
-        moved = offsetClamp(graph_, moved, offset, limit_);
-        meshes.push_back(moved);
+            tanh(graph_, linear(graph_, features, block.offsetWeight, block.offsetBias, rows()));
+        now = offsetClamp(graph_, now, offset, limit_, rows());
+        meshes.push_back(now);
     }
     return meshes;
 }

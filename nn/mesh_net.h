@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "nn/mesh_ops.h"
+#include "nn/moved_rows.h"
 
 namespace doppel {
 
@@ -27,7 +28,8 @@ struct MeshNetConfig {
 // Declares "mesh.block<b>.layer<l>.{weight0,bias0,weight1,bias1}" and
 // "mesh.block<b>.offset.{weight, bias}". A layer's weights [hidden, inputs] take the features
 // first, then the normal's three numbers; a first layer has no features in block 0. Weights of
-// layers are drawn from N(0, deviation), all else is zero, so that an untrained network moves nothing.
+// layers are drawn from N(0, deviation), all else is zero, so that an untrained network moves
+// nothing.
 void addMeshNetParameters(Parameters& parameters, const MeshNetConfig& config, uint32_t seed);
 
 class MeshNet {
@@ -41,11 +43,20 @@ public:
     // Gradients to verts and to the parameters; may be called for several bodies of one graph.
     std::vector<Tensor> refine(const Tensor& verts) const;
 
+    // How many edges far the last mesh depends on verts.
+    int reach() const;
+    // Whether refine() can leave rows out: on a CPU.
+    bool takesRows() const;
+    // Without gradients, and for no more than rows.within(n) of what depends on verts n edges far.
+    std::vector<Tensor> refine(const Tensor& verts, const MovedRows& rows) const;
+
 private:
     struct Block {
         std::vector<GraphConvWeights> layers;
         Tensor offsetWeight, offsetBias;  // [3,row], [3]
     };
+
+    std::vector<Tensor> refine(const Tensor& verts, const MovedRows* rows) const;
 
     Graph& graph_;
     MeshTensors mesh_;

@@ -33,7 +33,7 @@ MeshTensors meshOf(OpCall& c) {
 // Where a load of eight bytes costs as much as one of four.
 // [ceil(V/rows), 2H, rows], see graph_panels.comp.
 Tensor graphPanels(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency,
-                   const GraphConvWeights& w) {
+                   const GraphConvWeights& w, const RowTiles& list) {
     int64_t vertices = x.dim(0), H = w.halfColumns;
     int64_t rows = gemmPanelRows(graph.device(), vertices);
     Tensor panels = graph.temporary({(vertices + rows - 1) / rows, 2 * H, rows});
@@ -46,14 +46,17 @@ Tensor graphPanels(Graph& graph, const Tensor& x, const AdjacencyTensors& adjace
         while (H % columns != 0) columns -= 4;
         params.byPieces = divisorOf(uint64_t(H / columns));
         spec["kColumns"] = static_cast<uint32_t>(columns);
-        graph.dispatch("mesh/graph_panels_pairs.gather",
-                       {{"x", x},
-                        {"neighbourBegin", adjacency.begin},
-                        {"neighbours", adjacency.neighbours},
-                        {"panels", panels}},
-                       params, static_cast<uint64_t>((vertices + 1) / 2 * (H / columns)), spec);
+        dispatchRows(graph, "mesh/graph_panels_pairs.gather", list,
+                     {{"x", x},
+                      {"neighbourBegin", adjacency.begin},
+                      {"neighbours", adjacency.neighbours},
+                      {"panels", panels},
+                      {"tiles", list.list(graph)}},
+                     params, static_cast<uint64_t>((vertices + 1) / 2 * (H / columns)),
+                     static_cast<uint32_t>(kRowTile / 2 * (H / columns)), spec);
         return panels;
     }
+    CHECK(!list, "panels of listed rows are packed in pairs");
     graph.dispatch("mesh/graph_panels.gather",
                    {{"x", x},
                     {"neighbourBegin", adjacency.begin},
@@ -77,7 +80,7 @@ void stackWeights(Graph& graph, const GraphConvWeights& w) {
 // y[V,O] = weight0 x + bias0 + what the neighbours give. With a tail [V,3]: ReLU, and the tail and
 // zeros behind it, y[V,rowWithTail(O)].
 Tensor convolve(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency,
-                const GraphConvWeights& weights, const Tensor& tail) {
+                const GraphConvWeights& weights, const Tensor& tail, const RowTiles& rows = {}) {
     int64_t V = x.dim(0), O = weights.outputs, row = tail ? rowWithTail(O) : O;
     CHECK(x.dim(1) == weights.row, "x {} fits weights for rows of {}", toString(x.shape),
           weights.row);
@@ -86,11 +89,19 @@ Tensor convolve(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency
                            static_cast<uint32_t>(row)};
     bool relu = bool(tail);
     Tensor y = graph.temporary({V, row});
-    Gemm product{
-        .m = V, .n = O, .k = 2 * weights.halfColumns, .panelsA = true, .ldc = row, .relu = relu};
+    Gemm product{.m = V,
+                 .n = O,
+                 .k = 2 * weights.halfColumns,
+                 .panelsA = true,
+                 .ldc = row,
+                 .relu = relu,
+                 .rows = rows};
     graph.beginOp("graph_conv", flops(product));
-    gemm(graph, graphPanels(graph, x, adjacency, weights), weights.wide, y, product);
-    if (tail) graph.dispatch("mesh/tail.append", {{"tail", tail}, {"y", y}}, params, vertices);
+    gemm(graph, graphPanels(graph, x, adjacency, weights, rows), weights.wide, y, product);
+    if (tail)
+        dispatchRows(graph, "mesh/tail.append", rows,
+                     {{"tail", tail}, {"y", y}, {"tiles", rows.list(graph)}}, params, vertices);
+    if (rows) return graph.keep(y), y;
     std::vector<Tensor> inputs{x, weights.weight, weights.bias};
     if (tail) inputs.push_back(tail);
     graph.differentiate(inputs, {y}, [=, &graph] {
@@ -139,19 +150,22 @@ Tensor convolve(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency
 
 }  // namespace
 
-Tensor vertexNormals(Graph& graph, const Tensor& verts, const MeshTensors& mesh) {
+Tensor vertexNormals(Graph& graph, const Tensor& verts, const MeshTensors& mesh,
+                     const RowTiles& rows) {
     checkVerts(verts, mesh);
     uint32_t vertices = vertexCountOf(mesh);
     MeshParams params{vertices, 1};
     Tensor normals = graph.temporary(verts.shape), scales = graph.temporary({vertices});
     graph.beginOp("vertex_normals");
-    graph.dispatch("mesh/normals.forward",
-                   {{"verts", verts},
-                    {"cornerBegin", mesh.cornerBegin},
-                    {"corners", mesh.corners},
-                    {"normals", normals},
-                    {"scales", scales}},
-                   params, vertices);
+    dispatchRows(graph, "mesh/normals.forward", rows,
+                 {{"verts", verts},
+                  {"cornerBegin", mesh.cornerBegin},
+                  {"corners", mesh.corners},
+                  {"normals", normals},
+                  {"scales", scales},
+                  {"tiles", rows.list(graph)}},
+                 params, vertices);
+    if (rows) return graph.keep(normals), normals;
     graph.differentiate({verts}, {normals}, [=, &graph] {
         Tensor dsums = graph.temporary(verts.shape);
         graph.dispatch(
@@ -231,7 +245,8 @@ Tensor normalConsistencyLoss(Graph& graph, const Tensor& verts, const MeshTensor
     return loss;
 }
 
-Tensor offsetClamp(Graph& graph, const Tensor& verts, const Tensor& offset, const Tensor& limit) {
+Tensor offsetClamp(Graph& graph, const Tensor& verts, const Tensor& offset, const Tensor& limit,
+                   const RowTiles& rows) {
     auto vertices = static_cast<uint32_t>(verts.dim(0));
     CHECK(verts.shape == Shape({vertices, 3}) && offset.shape == verts.shape &&
               limit.elements() == vertices,
@@ -239,9 +254,14 @@ Tensor offsetClamp(Graph& graph, const Tensor& verts, const Tensor& offset, cons
     MeshParams params{vertices, 1};
     Tensor y = graph.temporary(verts.shape);
     graph.beginOp("offset_clamp");
-    graph.dispatch("mesh/offset_clamp.forward",
-                   {{"verts", verts}, {"offset", offset}, {"limit", limit}, {"y", y}}, params,
-                   vertices);
+    dispatchRows(graph, "mesh/offset_clamp.forward", rows,
+                 {{"verts", verts},
+                  {"offset", offset},
+                  {"limit", limit},
+                  {"y", y},
+                  {"tiles", rows.list(graph)}},
+                 params, vertices);
+    if (rows) return graph.keep(y), y;
     graph.differentiate({verts, offset}, {y}, [=, &graph] {
         Tensor dy = graph.gradient(y);
         if (graph.wantsGradient(offset))
@@ -303,26 +323,36 @@ Tensor graphConv(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacenc
 }
 
 Tensor graphConvLayer(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency,
-                      const GraphConvWeights& weights, const Tensor& tail) {
-    return convolve(graph, x, adjacency, weights, tail);
+                      const GraphConvWeights& weights, const Tensor& tail, const RowTiles& rows) {
+    return convolve(graph, x, adjacency, weights, tail, rows);
 }
 
-Tensor withTail(Graph& graph, const Tensor& x, int64_t columns, const Tensor& tail) {
+bool graphConvTakesRows(const Device& device, int64_t vertices, const GraphConvWeights& weights) {
+    return gemmTakesRows(device, vertices) && loadsTexels(device) &&
+           weights.halfColumns == weights.row;
+}
+
+Tensor withTail(Graph& graph, const Tensor& x, int64_t columns, const Tensor& tail,
+                const RowTiles& rows) {
     CHECK(columns == 0 || (x.dim(0) == tail.dim(0) && columns <= x.dim(1)),
           "x has the columns that are kept, and as many rows as the tail");
     auto vertices = static_cast<uint32_t>(tail.dim(0));
     AggregateParams params{
         vertices, static_cast<uint32_t>(columns), static_cast<uint32_t>(x ? x.dim(1) : 0),
-        static_cast<uint32_t>(rowWithTail(columns)), divisorOf(uint64_t(rowWithTail(columns)))};
+        static_cast<uint32_t>(rowWithTail(columns)), divisorOf(uint64_t(rowWithTail(columns) / 4))};
     Tensor y = graph.temporary({vertices, params.row});
     graph.beginOp("with_tail");
-    if (x && x.dim(1) == params.row) {
+    Tensor tiles = rows.list(graph);
+    if (x && x.dim(1) == params.row && !rows) {
         graph.copy(x, y);
-        graph.dispatch("mesh/tail.append", {{"tail", tail}, {"y", y}}, params, vertices);
+        graph.dispatch("mesh/tail.append", {{"tail", tail}, {"y", y}, {"tiles", tiles}}, params,
+                       vertices);
     } else {
-        graph.dispatch("mesh/tail.replace", {{"x", x ? x : tail}, {"tail", tail}, {"y", y}}, params,
-                       uint64_t{vertices} * params.row);
+        dispatchRows(graph, "mesh/tail.replace", rows,
+                     {{"x", x ? x : tail}, {"tail", tail}, {"y", y}, {"tiles", tiles}}, params,
+                     uint64_t{vertices} * params.row / 4, kRowTile * params.row / 4);
     }
+    if (rows) return graph.keep(y), y;
     graph.differentiate({x, tail}, {y}, [=, &graph] {
         Tensor dy = graph.gradient(y);
         if (x && graph.wantsGradient(x)) {

@@ -27,6 +27,12 @@ struct MeshNetwork {
     // M = R(θ_0) (G_m(P) − j_0) + j_0 + t, in camera space [V,3].
     Tensor refine(const LbsModel& skin, const Tensor& rest, const Tensor& beta, const Tensor& theta,
                   const Tensor& trans) const;
+
+    // The same without gradients, for a body that is posed again and again: with the network's
+    // weights and the shape in a graph's preparation, and, where the network takes rows, for no
+    // more than what `rows` lists.
+    Tensor refine(const LbsModel& skin, const ShapedBody& shaped, const Tensor& theta,
+                  const Tensor& trans, const MovedRows* rows = nullptr) const;
 };
 // parameters: as declared by addMeshNetParameters() and allocated.
 MeshNetwork meshNetwork(Graph& graph, const BodyModel& body, const MeshNetConfig& config,

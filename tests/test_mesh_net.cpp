@@ -3,7 +3,10 @@
 
 #include <cmath>
 #include <map>
+#include <optional>
+#include <random>
 
+#include "nn/mesh_step.h"
 #include "tests/op_test.h"
 
 namespace doppel {
@@ -159,6 +162,108 @@ TEST(MeshNet, SharedBetweenBodies) {
     std::vector<double> a = gradient({kVerts}), b = gradient({other});
     for (size_t i = 0; i < a.size(); ++i) a[i] += b[i];
     EXPECT_LE(relativeError(gradient({kVerts, other}), a, 1e-12), 1e-5);
+}
+
+// A body that is posed again and again: what a pose leaves where it is is not computed again, and
+// the mesh has the bits of one that is computed from the beginning.
+TEST(MeshNet, ComputesNoMoreThanAPoseMoved) {
+    BodyModel body = bodyFromNpz(readNpz(DOPPEL_SOURCE_DIR "/assets/body/default.npz"));
+    MeshNetConfig config{.blocks = 2, .layers = 2, .hidden = 32, .deviation = 0.05f};
+    Parameters parameters;
+    addMeshNetParameters(parameters, config, 5);
+    parameters.allocate(testDevice());
+    std::mt19937 random(5);
+    std::normal_distribution<float> normal(0, 0.05f);
+    for (const Parameters::Entry& entry : parameters.entries()) {
+        std::vector<float> values(static_cast<size_t>(elementCount(entry.shape)));
+        for (float& value : values) value = normal(random);
+        parameters.write(entry, values);
+    }
+    struct Rerun {
+        Graph graph;
+        std::optional<MovedRows> moved;
+        Tensor theta, trans, beta, verts;
+        Rerun() : graph(testDevice()) {
+            theta = graph.input({72});
+            trans = graph.input({3});
+            beta = graph.input({10});
+        }
+    };
+    Rerun whole, part;
+    auto build = [&](Rerun& r, bool byParts) {
+        LbsModel skin = lbsModel(r.graph, body);
+        Tensor rest = r.graph.constant(body.templateVertices, {body.vertexCount, 3});
+        MeshNetwork network = meshNetwork(r.graph, body, config, ClampBounds::Paper, parameters);
+        if (byParts) {
+            ShapedBody shaped = shapeBody(r.graph, skin, rest, r.beta);
+            r.graph.endPreparation();
+            if (network.net.takesRows()) r.moved.emplace(r.graph, body, network.net.reach());
+            r.verts = network.refine(skin, shaped, r.theta, r.trans, r.moved ? &*r.moved : nullptr);
+        } else {
+            r.verts = network.refine(skin, rest, r.beta, r.theta, r.trans);
+        }
+        r.graph.output(r.verts);
+        r.graph.compile({.poison = true});
+    };
+    build(whole, false);
+    build(part, true);
+    EXPECT_TRUE(part.moved || !testDevice().info().cpu);
+
+    std::vector<float> theta(72), trans{0, 0.1f, 3}, beta(10);
+    auto run = [&](Rerun& r) {
+        r.graph.write(r.theta, theta);
+        r.graph.write(r.trans, trans);
+        r.graph.write(r.beta, beta);
+        if (r.moved) r.moved->write(theta, trans);
+        r.graph.run();
+        return r.graph.read<float>(r.verts);
+    };
+    auto shape = [&] {
+        part.graph.write(part.beta, beta);
+        part.graph.prepare();
+        if (part.moved) part.moved->forget();
+    };
+    shape();
+    std::vector<float> before;
+    auto expectSame = [&](const char* what) {
+        std::vector<float> expected = run(whole), got = run(part);
+        EXPECT_TRUE(got == expected) << what;
+        EXPECT_TRUE(before.empty() || got != before) << what;
+        before = got;
+    };
+    expectSame("the first pose");
+    EXPECT_EQ(run(part), before) << "the same pose again";
+    theta[3 * 18 + 1] = -0.8f;
+    expectSame("the left elbow");
+    theta[3 * 18 + 1] = -0.9f, theta[3 * 5] = 0.4f;
+    expectSame("the left elbow and the right knee");
+    theta[0] = 0.3f;
+    expectSame("the whole body");
+    trans[1] = 0;
+    expectSame("its place");
+    theta[3 * 3 + 2] = 0.2f;
+    expectSame("the lowest of the spine");
+    theta = std::vector<float>(72);
+    expectSame("back again");
+    beta[1] = 2;
+    shape();
+    expectSame("another shape");
+
+    // A preparation of which the lists do not hear leaves nothing but NaN of the last pose, which
+    // shows what is not computed again.
+    if (!part.moved) return;
+    part.graph.prepare();
+    theta[3 * 18 + 1] = -0.8f;
+    std::vector<float> got = run(part), expected = run(whole);
+    size_t left = 0, done = 0, hand = 0;
+    for (size_t v = 0; v < static_cast<size_t>(body.vertexCount); ++v) {
+        left += std::isnan(got[3 * v]);
+        if (body.part[v] != kLeftHand) continue;
+        ++hand;
+        done += got[3 * v] == expected[3 * v];
+    }
+    EXPECT_EQ(done, hand);
+    EXPECT_GT(left, static_cast<size_t>(body.vertexCount) / 2);
 }
 
 }  // namespace

@@ -22,14 +22,17 @@ std::array<float, 3> axisAngle(const glm::dmat3& rotation) {
 
 }  // namespace
 
-// Pose in; vertices and normals in the world out, in memory that drawings read. Normals have a
-// graph of their own: a texture without a light needs none.
+// Pose in (what the last one has moved is computed); vertices and normals in the world out, in
+// memory that drawings read. Normals have a graph of their own: a texture without a light needs
+// none.
 struct Scene::Posing {
     Graph graph, shape;
     Parameters net;
+    std::optional<MovedRows> moved;  // where a part of the mesh can be computed
     Tensor theta, trans, beta;
     Buffer verts, normals;
     uint64_t version = 0, shapeVersion = 0;
+    std::optional<Betas> prepared;
     std::vector<float> hostVerts;  // as verts
 
     Posing(Device& device, const Avatar& avatar, MeshKind kind) : graph(device), shape(device) {
@@ -45,9 +48,15 @@ struct Scene::Posing {
             declareMeshNet(net, avatar, 0);
             net.allocate(device);
             loadWeights(net, avatar.meshNet, "mesh_net.safetensors");
-            posed = meshNetwork(graph, avatar, net).refine(skin, rest, beta, theta, trans);
+            MeshNetwork network = meshNetwork(graph, avatar, net);
+            ShapedBody shaped = shapeBody(graph, skin, rest, beta);
+            graph.endPreparation();
+            if (network.net.takesRows()) moved.emplace(graph, body, network.net.reach());
+            posed = network.refine(skin, shaped, theta, trans, moved ? &*moved : nullptr);
         } else {
-            posed = lbs(graph, skin, rest, theta, beta, trans).verts;
+            ShapedBody shaped = shapeBody(graph, skin, rest, beta);
+            graph.endPreparation();
+            posed = poseBody(graph, skin, shaped, theta, trans).verts;
         }
         uint64_t bytes = 12 * static_cast<uint64_t>(body.vertexCount);
         verts = device.allocate(bytes, Memory::Device);
@@ -62,6 +71,19 @@ struct Scene::Posing {
         shape.beginOp("keep_normals");
         shape.copy(units, shape.attach({&normals, 0, bytes}, posed.shape));
         shape.compile();
+    }
+
+    void pose(const Theta& newTheta, const Trans& newTrans, const Betas& betas) {
+        if (prepared != betas) {
+            graph.write(beta, std::span<const float>(betas));
+            graph.prepare();
+            prepared = betas;
+            if (moved) moved->forget();
+        }
+        graph.write(theta, std::span<const float>(newTheta));
+        graph.write(trans, std::span<const float>(newTrans));
+        if (moved) moved->write(newTheta, newTrans);
+        graph.run();
     }
 
     void findNormals() {
@@ -203,10 +225,7 @@ Scene::Posing& Scene::posed(MeshKind mesh) {
     auto& posing = posings_[mesh];
     if (!posing) posing = std::make_unique<Posing>(device_, avatar_, mesh);
     if (posing->version != poseVersion_) {
-        posing->graph.write(posing->theta, std::span<const float>(theta_));
-        posing->graph.write(posing->trans, std::span<const float>(trans_));
-        posing->graph.write(posing->beta, std::span<const float>(betas_));
-        posing->graph.run();
+        posing->pose(theta_, trans_, betas_);
         posing->version = poseVersion_;
         posing->hostVerts.resize(3 * static_cast<size_t>(avatar_.body.vertexCount));
         device_.download({&posing->verts, 0, posing->hostVerts.size() * 4},

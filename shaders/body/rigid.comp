@@ -1,9 +1,10 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
+#include "common/rows.glsl"
 #include "body/params.h"
 #include "body/rotation.glsl"
-PARAMS(BodyParams, 12)
+PARAMS(BodyParams, 13)
 BUFFER(0, readonly, vec3, verts);      // [V,3]
 BUFFER(1, readonly, vec3, rotation);   // [3] axis-angle
 BUFFER(2, readonly, vec3, pivot);      // [3]
@@ -16,10 +17,11 @@ BUFFER(8, readonly, vec3, sums);       // [4,3] the same over all chunks
 BUFFER(9, writeonly, vec3, drotation); // [3]
 BUFFER(10, writeonly, vec3, dpivot);   // [3]
 BUFFER(11, writeonly, vec3, dtrans);   // [3]
+ROW_TILES(12)
 
 // y = R (verts - pivot) + pivot + trans
 ENTRY(forward) {
-    uint v = linearIndex();
+    uint v = listedIndex();
     if (v >= params.vertices) return;
     vec3 p = pivot.d[0];
     y.d[v] = rotationOf(rotation.d[0]) * (verts.d[v] - p) + p + trans.d[0];

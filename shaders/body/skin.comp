@@ -2,6 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "common/pairs.glsl"
+#include "common/rows.glsl"
 #include "body/params.h"
 #include "body/rotation.glsl"
 PARAMS(BodyParams, 14)
@@ -19,10 +20,11 @@ BUFFER(10, readwrite, vec4, partial);     // [chunks,3,4] of dtransforms
 BUFFER(11, readonly, int, jointChunks);   // [25] each joint's chunks
 BUFFER(12, writeonly, vec4, dtransforms); // [24,3,4]
 BUFFER(13, readonly, uint64_t, transformPairs);  // the transforms, half a row at a time
+ROW_TILES(6)  // there is no place left but one that forward does not use
 
 // verts = sum of weight * transform, applied to posed, + trans
 ENTRY(forward) {
-    uint v = linearIndex();
+    uint v = listedIndex();
     if (v >= params.vertices) return;
     vec4 rows[3] = {vec4(0), vec4(0), vec4(0)};
     uint first = v * params.influences;

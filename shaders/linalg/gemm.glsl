@@ -14,7 +14,7 @@
 #include "linalg/params.h"
 
 #if GEMM_TEXELS
-#define BUFFERS 8
+#define BUFFERS 9
 #define LARGEST 7
 #else
 #define BUFFERS 5
@@ -30,6 +30,7 @@ BUFFER(LARGEST, readonly, uint, largest);  // [1], see kScaled
 TEXELS(4, aQuads);                         // the same memory
 TEXELS(5, bQuads);
 BUFFER(6, readwrite, uint64_t, cPairs);
+BUFFER(8, readonly, uint, tiles);  // [workgroups], see kListed
 #endif
 
 layout(constant_id = 1) const uint kRows = 8;  // a multiple of 8
@@ -48,6 +49,8 @@ layout(constant_id = 11) const bool kRelu = false;
 // A and B are panels of halves, two to a word; A or B was multiplied by halfScale(largest).
 layout(constant_id = 12) const bool kHalves = false;
 layout(constant_id = 13) const bool kScaled = false;
+// Not all tiles of rows, but those that a list names.
+layout(constant_id = 14) const bool kListed = false;
 
 // Steps of k in the loop's body: a loop's sums pass through masks on lavapipe at every turn. Of
 // these, how many are multiplied while a row's sums stay in registers.
@@ -110,14 +113,18 @@ void gemmTile() {
     uint lane = gl_LocalInvocationID.x;
 #endif
     uint m = params.m, n = params.n, ldb = params.ldb;
-    uint tileRow = gl_WorkGroupID.x * kRows, tileColumn = gl_WorkGroupID.y * 2 * kPairs * kLanes;
+    uint tile = gl_WorkGroupID.x;
+#if GEMM_TEXELS
+    if (kListed) tile = tiles.d[tile];
+#endif
+    uint tileRow = tile * kRows, tileColumn = gl_WorkGroupID.y * 2 * kPairs * kLanes;
     uint part = gl_WorkGroupID.z / params.batch, matrix = gl_WorkGroupID.z % params.batch;
     uint baseA = params.startA + matrix * params.strideA;
     uint baseB = params.startB + matrix * params.strideB;
     uint begin = part * params.kPart, end = min(params.k, begin + params.kPart);
     uint row = tileRow;  // of A, from baseA
     if (kLayoutA == kGemmPanels) {
-        baseA += gl_WorkGroupID.x * params.lda;
+        baseA += tile * params.lda;
         row = 0;
     }
 
@@ -204,7 +211,7 @@ void gemmTile() {
 
     float scale = 1;
     if (kScaled) scale = 1 / halfScale(largest.d[0]);
-    uint baseC = params.startC + part * params.strideCPart + matrix * params.strideC;
+    uint baseC = params.startC + part * params.batch * params.m * params.n + matrix * params.strideC;
     [[unroll]] for (uint j = 0; j < kPairs; ++j) {
         if (column[j] >= n) continue;
         bool both = column[j] + 1 < n;

@@ -51,7 +51,7 @@ ENTRY(tile) {
     float scale = 1;
     if (kScaled) scale = 1 / halfScale(largest.d[0]);
 
-    uint baseC = params.startC + part * params.strideCPart + matrix * params.strideC;
+    uint baseC = params.startC + part * params.batch * params.m * params.n + matrix * params.strideC;
     [[unroll]] for (uint i = 0; i < kMatrixFragments; ++i) {
         [[unroll]] for (uint j = 0; j < kMatrixFragments; ++j) {
             uint row = gl_WorkGroupID.x * kTileRows + i * kMatrixM;

@@ -5,15 +5,17 @@
 #extension GL_KHR_shader_subgroup_ballot : require
 #include "common/op.glsl"
 #include "common/pairs.glsl"
+#include "common/rows.glsl"
 #include "linalg/params.h"
 // C = A B^T (+ bias) for B of a few rows, for drivers that run lanes as a CPU's vector: a lane makes
 // a row of C, and values of B are loaded by one lane each and handed out, as in gemm.glsl; sums are
 // in its order and have its bits.
-PARAMS(GemmParams, 4)
+PARAMS(GemmParams, 5)
 BUFFER(0, readonly, uint64_t, a);  // [m, k], rows and k even
 BUFFER(1, readonly, uint64_t, b);  // [kColumns, k], likewise
 BUFFER(2, writeonly, float, c);    // [m, kColumns]
 BUFFER(3, readonly, float, bias);  // [kColumns]
+ROW_TILES(4)
 
 layout(constant_id = 1) const uint kLanes = 8;
 layout(constant_id = 2) const uint kColumns = 3;
@@ -23,7 +25,7 @@ const uint kLoads = (kColumns * kPairs + kLanes - 1) / kLanes;
 
 ENTRY(rows) {
     uint lane = gl_SubgroupInvocationID, pairs = params.k / 2;
-    uint row = linearIndex(), start = (params.startA + min(row, params.m - 1) * params.lda) / 2;
+    uint row = listedIndex(), start = (params.startA + min(row, params.m - 1) * params.lda) / 2;
     float sum[kColumns];
     [[unroll]] for (uint j = 0; j < kColumns; ++j) sum[j] = 0;
     for (uint k = 0; k < pairs; k += kPairs) {

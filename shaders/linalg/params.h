@@ -21,7 +21,6 @@ struct GemmParams {
     uint strideA, strideB, strideC;     // elements from one matrix of the batch to the next
     uint batch;                         // workgroup z = part * batch + matrix
     uint kPart;                         // part p sums k in [p * kPart, (p + 1) * kPart)
-    uint strideCPart;                   // elements from one part's C to the next's
 };
 struct GemmReduceParams {
     uint elements;  // of C: batch * m * n

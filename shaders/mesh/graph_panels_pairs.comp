@@ -3,24 +3,26 @@
 #extension GL_EXT_control_flow_attributes : require
 #include "common/op.glsl"
 #include "common/pairs.glsl"
+#include "common/rows.glsl"
 #include "mesh/params.h"
 // graph_panels.comp for drivers that run lanes as a CPU's vector: loads texels of columns, stores
 // pairs of vertices. H is row and a multiple of kColumns.
-PARAMS(GraphPanelsParams, 4)
+PARAMS(GraphPanelsParams, 5)
 TEXELS(0, x);                              // [V,row]
 BUFFER(1, readonly, int, neighbourBegin);  // [V+1]
 BUFFER(2, readonly, int, neighbours);      // [2E]
 BUFFER(3, writeonly, uint64_t, panels);    // [ceil(V/kRows), 2 H, kRows]
+ROW_TILES(4)
 
 layout(constant_id = 1) const uint kRows = 8;
 layout(constant_id = 2) const uint kColumns = 4;  // of an invocation; a multiple of 4
 
 // One invocation per two vertices and kColumns columns of the left half.
 ENTRY(gather) {
-    uint i = linearIndex(), H = params.halfColumns, pieces = H / kColumns;
-    if (i >= (params.vertices + 1) / 2 * pieces) return;
+    uint i = listedIndex(), H = params.halfColumns;
     uint v = quotient(i, params.byPieces), column = remainder(i, v, params.byPieces) * kColumns;
     v *= 2;
+    if (v >= params.vertices) return;
     vec4 own[2][kColumns / 4], sum[2][kColumns / 4];
     [[unroll]] for (uint t = 0; t < 2; ++t) {
         uint vertex = min(v + t, params.vertices - 1), at = (vertex * params.row + column) / 4;

@@ -1,8 +1,9 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
+#include "common/rows.glsl"
 #include "mesh/params.h"
-PARAMS(MeshParams, 8)
+PARAMS(MeshParams, 9)
 BUFFER(0, readonly, vec3, verts);        // [V,3]
 BUFFER(1, readonly, int, cornerBegin);   // [V+1]
 BUFFER(2, readonly, ivec3, corners);     // [3F,3] face, next vertex, previous vertex
@@ -11,9 +12,10 @@ BUFFER(4, readwrite, float, scales);     // [V] 1 / max(length of the sum, epsil
 BUFFER(5, readonly, vec3, y);            // [V,3] the normals again
 BUFFER(6, readonly, vec3, dy);           // [V,3]
 BUFFER(7, readwrite, vec3, dsums);       // [V,3] gradient of the unnormalised sum
+ROW_TILES(8)
 
 ENTRY(forward) {
-    uint v = linearIndex();
+    uint v = listedIndex();
     if (v >= params.n) return;
     vec3 p = verts.d[v], sum = vec3(0);
     int end = cornerBegin.d[v + 1];

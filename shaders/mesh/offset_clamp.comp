@@ -1,17 +1,19 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
+#include "common/rows.glsl"
 #include "mesh/params.h"
-PARAMS(MeshParams, 6)
+PARAMS(MeshParams, 7)
 BUFFER(0, readonly, vec3, verts);     // [V,3]
 BUFFER(1, readonly, vec3, offset);    // [V,3]
 BUFFER(2, readonly, float, limit);    // [V] 0 or more
 BUFFER(3, writeonly, vec3, y);        // [V,3]
 BUFFER(4, readonly, vec3, dy);        // [V,3]
 BUFFER(5, writeonly, vec3, doffset);  // [V,3]
+ROW_TILES(6)
 
 ENTRY(forward) {
-    uint v = linearIndex();
+    uint v = listedIndex();
     if (v >= params.n) return;
     float bound = limit.d[v];
     y.d[v] = verts.d[v] + clamp(offset.d[v], -bound, bound);
