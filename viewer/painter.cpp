@@ -4,9 +4,9 @@
 
 namespace doppel {
 
-Painter::Painter(const Avatar& avatar, std::string device, std::function<void()> finished)
+Painter::Painter(const Avatar& avatar, DeviceOptions device, std::function<void()> finished)
     : avatar_(avatar),
-      deviceName_(std::move(device)),
+      deviceOptions_(std::move(device)),
       finished_(std::move(finished)),
       thread_([this] { work(); }) {}
 
@@ -53,7 +53,7 @@ void Painter::work() {
         std::exception_ptr failure;
         try {
             auto before = std::chrono::steady_clock::now();
-            if (!device) device = std::make_unique<Device>(DeviceOptions{.name = deviceName_});
+            if (!device) device = std::make_unique<Device>(deviceOptions_);
             auto& renderer = renderers[wish.kind];
             if (!renderer)
                 renderer = std::make_unique<AvatarRenderer>(*device, avatar_, false, wish.kind);

@@ -12,6 +12,7 @@
 #include <thread>
 #include <vector>
 
+#include "engine/device.h"
 #include "trainer/avatar.h"
 
 namespace doppel {
@@ -26,9 +27,9 @@ public:
         double seconds;              // that it took
     };
 
-    // device: as DeviceOptions::name. finished() is called from the thread after each painting.
+    // device: the painter's own is made of it. finished() is called from the thread after each painting.
     // The avatar outlives the painter.
-    Painter(const Avatar& avatar, std::string device, std::function<void()> finished);
+    Painter(const Avatar& avatar, DeviceOptions device, std::function<void()> finished);
     ~Painter();
     Painter(const Painter&) = delete;
     Painter& operator=(const Painter&) = delete;
@@ -49,7 +50,7 @@ private:
     void work();
 
     const Avatar& avatar_;
-    std::string deviceName_;
+    DeviceOptions deviceOptions_;
     std::function<void()> finished_;
     std::mutex mutex_;
     std::condition_variable wake_;

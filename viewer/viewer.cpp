@@ -52,7 +52,7 @@ Viewer::Viewer(const ViewOptions& options)
       source_(options.avatar),
       avatar_(source_.load()),  // before a window opens for one that is not there
       window_({"Doppel", options.width, options.height, {}}),
-      device_({.name = options.common.device}) {
+      device_(options.common.deviceOptions()) {
     useAvatar(avatar_);
     settings_.texture = bestTexture();
     if (!avatar_->textured) settings_.paint = kPaintClay;
@@ -74,7 +74,8 @@ void Viewer::useAvatar(std::shared_ptr<LoadedAvatar> avatar) {
     avatar_ = std::move(avatar);
     const Avatar& now = avatar_->avatar;
     scene_ = std::make_unique<Scene>(device_, now);
-    painter_ = std::make_unique<Painter>(now, options_.common.device, [] { glfwPostEmptyEvent(); });
+    painter_ = std::make_unique<Painter>(now, options_.common.deviceOptions(),
+                                         [] { glfwPostEmptyEvent(); });
     // Until the networks have painted the view: what comes closest.
     const std::vector<float>& baked = now.bakedTexture.empty() ? now.texture : now.bakedTexture;
     textures_ = {{TextureKind::Coarse, now.texture},
@@ -602,10 +603,10 @@ void Viewer::startExport(const fs::path& out) {
     TextureKind kind =
         settings_.texture == TextureKind::Coarse ? TextureKind::Coarse : TextureKind::Best;
     export_->done =
-        std::async(std::launch::async, [name = options_.common.device, avatar = std::move(avatar),
+        std::async(std::launch::async, [device = options_.common.deviceOptions(), avatar = std::move(avatar),
                                         out, motion = shownMotion(), kind] {
-            Device device({.name = name});
-            exportAvatar(device, avatar, out, &motion, kind);
+            Device exporting(device);
+            exportAvatar(exporting, avatar, out, &motion, kind);
             glfwPostEmptyEvent();
         });
 }
