@@ -38,6 +38,16 @@ double resistanceOf(size_t joint) {
             return 1e-3;
     }
 }
+// The trunk sticks where the drag began, as if by dry friction: it stays there to the last bit
+// until it is pulled as hard as would turn it by so many radians, or shift the pelvis by so many
+// metres, without. What a limb reaches alone leaves it still, and nothing jumps where it begins to
+// follow.
+constexpr double kStickingTurn = .06, kStickingPlace = .02;
+bool sticks(size_t joint) {
+    return joint == joint::kSpine1 || joint == joint::kSpine2 || joint == joint::kSpine3 ||
+           joint == joint::kPelvis;
+}
+
 // The pelvis's place, m² per m²: dragged itself, and giving way above pinned legs.
 constexpr double kDraggedPlace = 1e-6, kGivingPlace = .5;
 
@@ -48,6 +58,10 @@ constexpr double kFarthestPull = .25;
 constexpr double kFarthestShift = .03;
 // From round to round joints resist less.
 constexpr std::array<double, 4> kRounds = {.3, .03, .02, .02};
+
+// What slips first goes so far, radians or metres; what is nearer than the other to where it sticks
+// is there.
+constexpr double kFirstSlip = .01, kAtRest = 1e-9;
 
 constexpr double kLeastGain = 1e-11;  // square metres, with which a step is worth another
 constexpr double kLongestTurn = .5;   // radians per step and number
@@ -75,7 +89,7 @@ struct Mover {
     size_t joint;
     bool place;
     int first, count;
-    double resistance;
+    double resistance, sticking;
     std::array<glm::dvec3, 3> axes;
 };
 
@@ -87,6 +101,7 @@ public:
         for (size_t j = 0; j < joint::kCount; ++j) {
             began_[j] = quaternionOf(began.rotation[j]);
             now_.turn[j] = quaternionOf(start.rotation[j]);
+            beganRotation_[j] = began.rotation[j];
         }
         beganTrans_ = began.trans;
         now_.trans = start.trans;
@@ -122,7 +137,9 @@ public:
             if (mover.place) pose.trans = now_.trans;
         }
         for (size_t j = 0; j < joint::kCount; ++j)
-            if (now_.turn[j] != startTurn_[j]) pose.rotation[j] = axisAngleOf(now_.turn[j]);
+            if (now_.turn[j] != startTurn_[j])
+                pose.rotation[j] =
+                    now_.turn[j] == began_[j] ? beganRotation_[j] : axisAngleOf(now_.turn[j]);
         return pose;
     }
 
@@ -200,7 +217,8 @@ private:
         }
 
         const auto add = [&](size_t j, bool place, double resistance) {
-            Mover mover{j, place, unknowns_, 3, resistance, {}};
+            const double sticking = place ? kStickingPlace : sticks(j) ? kStickingTurn : 0;
+            Mover mover{j, place, unknowns_, 3, resistance, sticking, {}};
             mover.axes = {glm::dvec3(1, 0, 0), glm::dvec3(0, 1, 0), glm::dvec3(0, 0, 1)};
             if (!place && isHinge(j)) {
                 // Bent sideways by a capture, a hinge goes on in the plane that it is bent in; a
@@ -247,6 +265,7 @@ private:
     // How far a mover is from where the drag began, in its parent's frame.
     glm::dvec3 away(const Mover& mover, const State& state) const {
         if (mover.place) return state.trans - beganTrans_;
+        if (state.turn[mover.joint] == began_[mover.joint]) return glm::dvec3(0);  // exactly
         return axisAngleOf(state.turn[mover.joint] * glm::conjugate(began_[mover.joint]));
     }
 
@@ -260,7 +279,8 @@ private:
         }
         for (const Mover& mover : movers_) {
             const glm::dvec3 d = away(mover, state);
-            sum += ease_ * mover.resistance * glm::dot(d, d);
+            sum +=
+                ease_ * mover.resistance * (glm::dot(d, d) + 2 * mover.sticking * glm::length(d));
         }
         return sum;
     }
@@ -303,12 +323,38 @@ private:
         }
         for (const Mover& mover : movers_) {
             const glm::dvec3 d = away(mover, now_);
-            const double resistance = ease_ * mover.resistance;
+            const double resistance = ease_ * mover.resistance, far = glm::length(d);
+            if (far == 0 && mover.sticking > 0) {
+                auto pull = descent.segment(mover.first, mover.count);
+                const double held = resistance * mover.sticking;
+                if (pull.norm() <= held) {
+                    for (int i = mover.first; i < mover.first + mover.count; ++i) {
+                        hessian.row(i).setZero();
+                        hessian.col(i).setZero();
+                        hessian(i, i) = 1;
+                    }
+                    pull.setZero();
+                    continue;
+                }
+                pull *= 1 - held / pull.norm();
+            }
             for (int k = 0; k < mover.count; ++k) {
                 hessian(mover.first + k, mover.first + k) += resistance;
-                descent(mover.first + k) -=
-                    resistance * glm::dot(mover.axes[static_cast<size_t>(k)], d);
+                descent(mover.first + k) -= resistance *
+                                            (1 + (far > 0 ? mover.sticking / far : 0)) *
+                                            glm::dot(mover.axes[static_cast<size_t>(k)], d);
             }
+            if (mover.sticking == 0) continue;
+            // Of the length: nothing along d, 1 / length across; near 0, where that would not hold
+            // for a step, in every direction.
+            const double curve = resistance * mover.sticking / std::max(far, kFirstSlip);
+            const glm::dvec3 along = far > kFirstSlip ? d / far : glm::dvec3(0);
+            for (int k = 0; k < mover.count; ++k)
+                for (int l = 0; l < mover.count; ++l)
+                    hessian(mover.first + k, mover.first + l) +=
+                        curve * ((k == l ? 1 : 0) -
+                                 glm::dot(mover.axes[static_cast<size_t>(k)], along) *
+                                     glm::dot(mover.axes[static_cast<size_t>(l)], along));
         }
     }
 
@@ -382,6 +428,7 @@ private:
         Matrix hessian;
         Vector descent;
         double value = cost(now_);
+        comeToRest(now_, value);
         for (int i = 0; i < options_.steps; ++i) {
             linearise(hessian, descent);
             bool better = false;
@@ -392,16 +439,39 @@ private:
                 better = found < value;
                 if (better) {
                     gain = value - found;
+                    const State before = now_;
                     now_ = next;
                     value = found;
+                    comeToRest(before, value);
                     damping_ = std::max(damping_ * .2, 1e-7);
                 } else {
                     damping_ = std::min(damping_ * 8, 1e2);
                 }
             }
-            if (!better || size < 1e-5 || gain < kLeastGain + 1e-6 * value) break;
+            if (!better || size < 1e-5 || gain < kLeastGain + 1e-7 * value) break;
         }
         damping_ = 1e-4;
+    }
+
+    // Movers that have come back nearly to where they stick, or past it, go there, where that costs
+    // less.
+    void comeToRest(const State& before, double& value) {
+        for (const Mover& mover : movers_) {
+            const double far = mover.sticking > 0 ? glm::length(away(mover, now_)) : 0;
+            if (far == 0) continue;
+            const bool past = glm::dot(away(mover, now_), away(mover, before)) < 0;
+            if (far > kFirstSlip && !past) continue;
+            State rest = now_;
+            if (mover.place)
+                rest.trans = beganTrans_;
+            else
+                rest.turn[mover.joint] = began_[mover.joint];
+            place(rest);
+            const double found = cost(rest);
+            if (found > value && far > kAtRest) continue;
+            now_ = rest;
+            value = found;
+        }
     }
 
     void bendStraightHinges() {
@@ -437,6 +507,7 @@ private:
     std::vector<Mover> movers_;
     std::vector<IkTarget> shakenPins_;
     std::array<glm::dquat, 24> began_, startTurn_;
+    std::array<glm::dvec3, 24> beganRotation_;
     glm::dvec3 beganTrans_;
     State now_;
     int unknowns_ = 0;

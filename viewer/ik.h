@@ -4,9 +4,10 @@
 // form, on rotation vectors. Each joint resists being turned away from where the drag began, arms
 // and legs little, the trunk much: of all poses that reach the target the one found is that which
 // turns least, so it depends on where the target is and hardly on the way there, and the trunk
-// leans only for what the limb cannot reach alone. What the resistance holds back is added to the
-// target, and they resist less, until the target itself is met. Joints stay within human ranges
-// (skeleton.h). A tenth of a millisecond for a target, about one with three pins.
+// leans only for what the limb cannot reach alone: until it is pulled harder than a limb pulls that
+// still has way to go, it stays where it is to the last bit. What the resistance holds back is
+// added to the target, and they resist less, until the target itself is met. Joints stay within
+// human ranges (skeleton.h). A tenth of a millisecond for a target, about one with three pins.
 #pragma once
 
 #include <cstddef>
