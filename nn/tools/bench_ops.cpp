@@ -239,6 +239,10 @@ void addOps() {
              "512",
              {verts, faces, uvs, facesUv, {"texture", {512, 512, 3}}},
              camera(512)});
+    addCase({"sampled_render",
+             "512",
+             {verts, faces, uvs, facesUv, {"texture", {512, 512, 3}}},
+             with(camera(512), {{"samples", 2}})});
     addCase({"visibility_map", "512", {verts, faces, uvs, facesUv}, {{"size", 512}}});
 
     // ---- pictures' losses -------------------------------------------------------------------
