@@ -1,6 +1,7 @@
 #include "engine/instance.h"
 
 #include <cstdlib>
+#include <filesystem>
 #include <mutex>
 #include <string>
 #include <string_view>
@@ -23,6 +24,30 @@ VKAPI_ATTR VkBool32 VKAPI_CALL onMessage(VkDebugUtilsMessageSeverityFlagBitsEXT,
     return VK_FALSE;
 }
 
+// Mesa keeps what lavapipe compiles in a cache on disk, and Mesa 25 finds the functions there that
+// fetch texels whatever width of vectors they were compiled for: a program that runs with another
+// width crashes in them. So each width has a folder of its own.
+void separateShaderCaches() {
+    namespace fs = std::filesystem;
+    const char* width = std::getenv("LP_NATIVE_VECTOR_WIDTH");
+    if (!width || !*width || std::string_view(width).find('/') != std::string_view::npos) return;
+    fs::path folder;
+    if (const char* set = std::getenv("MESA_SHADER_CACHE_DIR"); set && *set)
+        folder = set;
+    else if (const char* cache = std::getenv("XDG_CACHE_HOME"); cache && *cache)
+        folder = fs::path(cache) / "doppel";
+    else if (const char* home = std::getenv("HOME"); home && *home)
+        folder = fs::path(home) / ".cache" / "doppel";
+    else
+        return;
+    const std::string ending = "-bit-vectors";
+    if (folder.filename().string().ends_with(ending)) folder = folder.parent_path();  // a parent's
+    folder /= width + ending;
+    std::error_code ignored;  // without the folder Mesa does without a cache
+    fs::create_directories(folder, ignored);
+    setenv("MESA_SHADER_CACHE_DIR", folder.c_str(), 1);
+}
+
 }  // namespace
 
 bool validationWanted() {
@@ -36,6 +61,8 @@ std::vector<std::string> Device::validationMessages() {
 }
 
 VkInstance createInstance(bool validation, std::span<const char* const> extensions) {
+    static std::once_flag once;
+    std::call_once(once, separateShaderCaches);
     VkApplicationInfo application{VK_STRUCTURE_TYPE_APPLICATION_INFO};
     application.pApplicationName = "doppel";
     application.apiVersion = VK_API_VERSION_1_2;
