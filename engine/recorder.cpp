@@ -129,8 +129,10 @@ VkBufferView Recorder::texelView(const BufferView& view, const std::string& kern
                                  const std::string& buffer) {
     CHECK(device_.info().texels, "{} runs on devices that read texels", kernel);
     if (view.bytes / 16 >= device_.info().maxTexels)
-        throwMachine("buffer {} of kernel {} has {} bytes; this device's texel buffers reach {}",
-                     buffer, kernel, view.bytes, 16 * device_.info().maxTexels);
+        throwMachine(
+            "buffer {} of kernel {} has {} bytes; this device's texel buffers reach {}: use a "
+            "smaller preset or batch",
+            buffer, kernel, view.bytes, 16 * device_.info().maxTexels);
     VkBufferView& texels = texelViews_[{view.buffer->handle(), view.offset, view.bytes}];
     if (texels == VK_NULL_HANDLE) {
         VkBufferViewCreateInfo info{VK_STRUCTURE_TYPE_BUFFER_VIEW_CREATE_INFO};

@@ -116,6 +116,22 @@ Tensor pack(Graph& graph, const Source& s, int64_t steps, int64_t stepsInPanel, 
     return packed;
 }
 
+GemmParams gemmParams(const Gemm& g) {
+    return {.m = u32(g.m),
+            .n = u32(g.n),
+            .k = u32(g.k),
+            .lda = u32(g.lda),
+            .ldb = u32(g.ldb),
+            .ldc = u32(g.ldc),
+            .startA = u32(g.startA),
+            .startB = u32(g.startB),
+            .startC = u32(g.startC),
+            .strideA = u32(g.strideA),
+            .strideB = u32(g.strideB),
+            .strideC = u32(g.strideC),
+            .batch = u32(g.batch)};
+}
+
 // Makes a product with a matrix of a few rows, transposed; false where it has another shape.
 bool narrowProduct(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const Gemm& g,
                    const Plan& p) {
@@ -123,22 +139,13 @@ bool narrowProduct(Graph& graph, const Tensor& a, const Tensor& b, const Tensor&
         g.transA || g.panelsA || g.panelsB || !g.transB || g.accumulate || g.relu || g.biasPerRow ||
         !divisible(2, {g.k, g.lda, g.startA, g.ldb, g.startB}))
         return false;
-    GemmParams params{.m = u32(g.m),
-                      .n = u32(g.n),
-                      .k = u32(g.k),
-                      .lda = u32(g.lda),
-                      .ldb = u32(g.ldb),
-                      .ldc = u32(g.ldc),
-                      .startA = u32(g.startA),
-                      .startB = u32(g.startB),
-                      .startC = u32(g.startC)};
     dispatchRows(graph, "linalg/gemm_narrow.rows", g.rows,
                  {{"a", a},
                   {"b", b},
                   {"c", c},
                   {"bias", g.bias ? g.bias : graph.none()},
                   {"tiles", g.rows.list(graph)}},
-                 params, static_cast<uint64_t>(g.m), kRowTile,
+                 gemmParams(g), static_cast<uint64_t>(g.m), kRowTile,
                  {{"kLanes", p.lanes}, {"kColumns", u32(g.n)}, {"kBias", bool(g.bias)}});
     return true;
 }
@@ -267,20 +274,8 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
         g.strideC = g.m * g.n;
     }
     int64_t strideCPart = g.batch * g.m * g.n;
-    GemmParams params{.m = u32(g.m),
-                      .n = u32(g.n),
-                      .k = u32(g.k),
-                      .lda = u32(g.lda),
-                      .ldb = u32(g.ldb),
-                      .ldc = u32(g.ldc),
-                      .startA = u32(g.startA),
-                      .startB = u32(g.startB),
-                      .startC = u32(g.startC),
-                      .strideA = u32(g.strideA),
-                      .strideB = u32(g.strideB),
-                      .strideC = u32(g.strideC),
-                      .batch = u32(g.batch),
-                      .kPart = u32(p.kPart)};
+    GemmParams params = gemmParams(g);
+    params.kPart = u32(p.kPart);
     uint32_t biasKind = !g.bias ? 0 : g.biasPerRow ? 2 : 1;
     Groups groups{u32(ceilDiv(g.m, p.rows)), u32(ceilDiv(g.n, p.columns())),
                   u32(p.parts * g.batch)};

@@ -30,7 +30,6 @@ MeshTensors meshOf(OpCall& c) {
     return meshTensors(c.graph, meshTopology(c.ints("faces"), vertices, "faces"));
 }
 
-// Where a load of eight bytes costs as much as one of four.
 // [ceil(V/rows), 2H, rows], see graph_panels.comp.
 Tensor graphPanels(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency,
                    const GraphConvWeights& w, const RowTiles& list) {

@@ -48,12 +48,11 @@ Outcome run(
         };
     };
     DevicesOptions devices;
-    const Commands commands{keep("devices", devices), keep("import", o.import),
-                            keep("fit", o.fit),       keep("train", o.train),
-                            keep("render", o.render), keep("eval", o.eval),
-                            keep("ablate", o.ablate), keep("export", o.exporting),
-                            keep("view", o.view),     keep("demo", o.demo),
-                            [&] { o.called = "bench"; }};
+    const Commands commands{
+        keep("devices", devices), keep("import", o.import),    keep("fit", o.fit),
+        keep("train", o.train),   keep("render", o.render),    keep("eval", o.eval),
+        keep("ablate", o.ablate), keep("export", o.exporting), keep("view", o.view),
+        keep("demo", o.demo),     [&] { o.called = "bench"; }};
     std::ostringstream out, err;
     o.status = runCommandLine(arguments, commands, out, err);
     o.out = out.str();
@@ -139,6 +138,31 @@ TEST(CommandLine, FillsOptions) {
     EXPECT_EQ(ablate.ablate.preset.refine.steps, 3);
     EXPECT_TRUE(run({"devices", "--json"}).common.json);
     EXPECT_EQ(run({"bench"}).called, "bench");
+}
+
+TEST(CommandLine, NetworksTakeAPrecision) {
+    const std::vector<std::vector<std::string>> commands{
+        {"train", "capture", "--out", "x"},
+        {"render", "avatar", "--motion", "m", "--out", "x"},
+        {"eval", "avatar", "capture"},
+        {"ablate", "capture", "--out", "x"},
+        {"export", "avatar", "--out", "x.glb"},
+        {"view", "avatar"},
+        {"demo"}};
+    for (std::vector<std::string> command : commands) {
+        Outcome o = run(command);
+        EXPECT_EQ(o.status, 0) << command[0] << o.err;
+        EXPECT_EQ(o.common.precision, "fp32") << command[0];
+        command.insert(command.end(), {"--precision", "mixed"});
+        o = run(command);
+        EXPECT_EQ(o.called, command[0]) << o.err;
+        EXPECT_EQ(o.common.deviceOptions().precision, Precision::Mixed) << command[0];
+        command.back() = "half";
+        o = run(command);
+        EXPECT_EQ(o.status, 2) << command[0];
+        EXPECT_EQ(o.called, "") << command[0];
+        EXPECT_NE(o.err.find("--precision"), std::string::npos) << o.err;
+    }
 }
 
 TEST(CommandLine, ConfigUnderFlags) {

@@ -1,5 +1,7 @@
 // The runtime: hazards, reflection, memory plan, replay.
 #include <algorithm>
+#include <cstdlib>
+#include <filesystem>
 #include <map>
 #include <set>
 
@@ -46,7 +48,6 @@ TEST(Kernels, ReflectionAndLimits) {
     EXPECT_TRUE(!reflection.buffers[2].reads && reflection.buffers[2].writes);
 }
 
-// A chain of ops needs room for few tensors at a time.
 // Few devices have cooperative matrices; that their kernel's module is whole is seen on any.
 TEST(Kernels, CooperativeMatrixTypesAreCompleted) {
     constexpr uint32_t kTypeInt = 21, kTypeFloat = 22, kConstant = 43, kSpecConstant = 50,
@@ -92,6 +93,46 @@ TEST(Kernels, CooperativeMatrixTypesAreCompleted) {
     }
 }
 
+// Buffers that are read as texels are told from the others, and have a descriptor in either
+// flavour.
+TEST(Kernels, ReflectsTexels) {
+    auto row = std::ranges::find(shaderTable(), std::string_view("mesh/graph_panels_pairs.gather"),
+                                 &ShaderTableRow::name);
+    Reflection reflection = reflect(row->descriptors);
+    EXPECT_TRUE(reflection.texels);
+    for (const KernelBuffer& buffer : reflection.buffers) {
+        EXPECT_EQ(buffer.texels, buffer.name == "x") << buffer.name;
+        if (buffer.texels) {
+            EXPECT_TRUE(buffer.reads);
+            EXPECT_FALSE(buffer.writes);
+        }
+    }
+    auto plain = std::ranges::find(shaderTable(), std::string_view("mesh/graph_panels.gather"),
+                                   &ShaderTableRow::name);
+    EXPECT_FALSE(reflect(plain->descriptors).texels);
+}
+
+// Compiled functions of one width of vectors crash programs with another; so each width has a cache
+// of its own, also in a program that another one starts.
+TEST(Instance, KeepsACachePerWidthOfVectors) {
+    GTEST_FLAG_SET(death_test_style, "threadsafe");
+    auto cacheFor = [](const char* width, const std::string& base) {
+        setenv("LP_NATIVE_VECTOR_WIDTH", width, 1);
+        setenv("MESA_SHADER_CACHE_DIR", base.c_str(), 1);
+        Device::list();
+        const char* now = std::getenv("MESA_SHADER_CACHE_DIR");
+        fmt::print(stderr, "cache {}\n", now);
+        std::exit(std::filesystem::is_directory(now) ? 0 : 1);
+    };
+    const std::string base = testing::TempDir() + "doppel_cache";
+    EXPECT_EXIT(cacheFor("256", base), testing::ExitedWithCode(0),
+                "cache .*doppel_cache/256-bit-vectors\n");
+    EXPECT_EXIT(cacheFor("512", base + "/256-bit-vectors"), testing::ExitedWithCode(0),
+                "cache .*doppel_cache/512-bit-vectors\n");
+    std::filesystem::remove_all(base);
+}
+
+// A chain of ops needs room for few tensors at a time.
 TEST(GraphMemory, SharesAndStaysRight) {
     std::vector<float> x(1000);
     for (size_t i = 0; i < x.size(); ++i) x[i] = static_cast<float>(i) - 500;

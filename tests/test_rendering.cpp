@@ -327,6 +327,28 @@ TEST(Turntable, TurnsOnceWhileTheMotionGoesOn) {
     }
 }
 
+// Two pictures under way, of one size and of two, are those that are drawn one by one.
+TEST(AvatarRenderer, DrawsTwoPicturesAtATime) {
+    Scene scene;
+    AvatarRenderer renderer(testDevice(), scene.avatar);
+    Shot first = restShot(testDevice(), scene.avatar, 48), second = turned(first, 0.3);
+    Shot larger = turned(restShot(testDevice(), scene.avatar, 64), 0.6);
+    auto draw = [&](const Shot& s) { return renderer.draw(s.theta, s.trans, s.camera, 2); };
+    auto submit = [&](const Shot& s) { renderer.submit(s.theta, s.trans, s.camera, 2); };
+    const std::vector<Shot> shots{first, second, larger, first, larger, larger};
+    std::vector<Drawing> expected;
+    for (const Shot& shot : shots) expected.push_back(draw(shot));
+    EXPECT_NE(expected[0].rgb, expected[1].rgb);
+    submit(shots[0]);
+    for (size_t i = 0; i < shots.size(); ++i) {
+        if (i + 1 < shots.size()) submit(shots[i + 1]);
+        Drawing drawing = renderer.take();
+        EXPECT_EQ(drawing.width, shots[i].camera.width) << i;
+        EXPECT_EQ(drawing.rgb, expected[i].rgb) << i;
+        EXPECT_EQ(drawing.mask, expected[i].mask) << i;
+    }
+}
+
 // ---- backgrounds and files ----------------------------------------------------------------------
 
 TEST(RenderShots, DrawsOverTheBackgroundIntoAFolder) {

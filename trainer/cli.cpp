@@ -292,7 +292,8 @@ struct CommandLine {
         CLI::App& command = *app.add_subcommand(name, description);
         command.footer("Example:\n  " + example);
         addCommon(command, shared[name]);
-        for (const char* withNetworks : {"train", "render", "eval", "ablate", "export", "view", "demo"})
+        for (const char* withNetworks :
+             {"train", "render", "eval", "ablate", "export", "view", "demo"})
             if (std::string_view(name) == withNetworks) addPrecision(command, shared[name]);
         return command;
     }

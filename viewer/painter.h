@@ -27,8 +27,8 @@ public:
         double seconds;              // that it took
     };
 
-    // device: the painter's own is made of it. finished() is called from the thread after each painting.
-    // The avatar outlives the painter.
+    // device: the painter's own is made of it. finished() is called from the thread after each
+    // painting. The avatar outlives the painter.
     Painter(const Avatar& avatar, DeviceOptions device, std::function<void()> finished);
     ~Painter();
     Painter(const Painter&) = delete;

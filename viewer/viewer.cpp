@@ -602,9 +602,9 @@ void Viewer::startExport(const fs::path& out) {
     if (settings_.mesh == MeshKind::Body) avatar.meshNet.clear();
     TextureKind kind =
         settings_.texture == TextureKind::Coarse ? TextureKind::Coarse : TextureKind::Best;
-    export_->done =
-        std::async(std::launch::async, [device = options_.common.deviceOptions(), avatar = std::move(avatar),
-                                        out, motion = shownMotion(), kind] {
+    export_->done = std::async(
+        std::launch::async, [device = options_.common.deviceOptions(), avatar = std::move(avatar),
+                             out, motion = shownMotion(), kind] {
             Device exporting(device);
             exportAvatar(exporting, avatar, out, &motion, kind);
             glfwPostEmptyEvent();

@@ -15,8 +15,8 @@
 //     TEXELS(2, quads);     // slot 2's buffer read as vec4, through a descriptor in either flavour
 //     vec4 v = texelFetch(quads, int(i));  // elements 4 i to 4 i + 3; zeros behind the end
 //
-// TEXELS is for kernels that only CPUs run: of any other load lavapipe makes a gather, of this one a
-// call that fetches sixteen bytes at a time, two to eight times as fast (see docs/decisions.md).
+// TEXELS is for kernels that only CPUs run: of other loads in loops lavapipe makes gathers, of this
+// one a call that fetches sixteen bytes at a time, two to eight times as fast (docs/decisions.md).
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_samplerless_texture_functions : require
 #if !DESCRIPTORS
