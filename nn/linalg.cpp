@@ -56,9 +56,9 @@ Plan plan(const Device& device, const Gemm& g) {
     if (!p.onCpu) p.pairs = tuning.pairs;
     if (p.onCpu) {
         p.lanes = device.info().subgroupSize;
-        // Packing costs some five cycles per element, a product a quarter of one per element of A
-        // and column. Rows that do not start at texels gain more.
-        auto worth = [](int64_t uses, int64_t ld) { return uses >= (ld % 4 == 0 ? 256 : 64); };
+        // Packing is a pass over memory, a product a quarter of a cycle per element of A and
+        // column. Rows that do not start at texels gain more.
+        auto worth = [](int64_t uses, int64_t ld) { return uses >= (ld % 4 == 0 ? 512 : 64); };
         p.panelsA = !g.panelsA && worth(g.n, g.lda);
         p.panelsB = !g.panelsB && worth(g.m, g.ldb);
     }
@@ -132,13 +132,19 @@ GemmParams gemmParams(const Gemm& g) {
             .batch = u32(g.batch)};
 }
 
-// Makes a product with a matrix of a few rows, transposed; false where it has another shape.
-bool narrowProduct(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const Gemm& g,
-                   const Plan& p) {
-    if (!p.onCpu || p.halves || g.n > 4 || g.m < 256 || g.k < 2 || p.parts > 1 || g.batch > 1 ||
-        g.transA || g.panelsA || g.panelsB || !g.transB || g.accumulate || g.relu || g.biasPerRow ||
-        !divisible(2, {g.k, g.lda, g.startA, g.ldb, g.startB}))
-        return false;
+constexpr int64_t kNarrow = 4;  // columns at most, see gemm_narrow.comp
+
+// Whether the product is one of gemm_narrow.comp's.
+bool isNarrow(const Gemm& g, const Plan& p) {
+    bool shape = p.onCpu && !p.halves && g.n <= kNarrow && g.batch == 1 && !g.panelsA &&
+                 !g.panelsB && !g.relu && !g.biasPerRow && !g.accumulate &&
+                 divisible(4, {g.lda, g.startA, g.ldb, g.startB});
+    if (g.transA) return shape && !g.transB && !g.bias && g.m >= 64 && g.m % 4 == 0;
+    return shape && g.m >= 256 && g.k >= 4 && g.k % 4 == 0 && p.parts == 1;
+}
+
+void narrowRows(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const Gemm& g,
+                const Plan& p) {
     dispatchRows(graph, "linalg/gemm_narrow.rows", g.rows,
                  {{"a", a},
                   {"b", b},
@@ -146,8 +152,24 @@ bool narrowProduct(Graph& graph, const Tensor& a, const Tensor& b, const Tensor&
                   {"bias", g.bias ? g.bias : graph.none()},
                   {"tiles", g.rows.list(graph)}},
                  gemmParams(g), static_cast<uint64_t>(g.m), kRowTile,
-                 {{"kLanes", p.lanes}, {"kColumns", u32(g.n)}, {"kBias", bool(g.bias)}});
-    return true;
+                 {{"kLanes", p.lanes},
+                  {"kColumns", u32(g.n)},
+                  {"kBias", bool(g.bias)},
+                  {"kTransB", g.transB}});
+}
+
+// How many of the last columns are better off in a product of their own, for lanes that run one
+// after the other, as a CPU's, also pay for columns behind the last.
+int64_t columnsApart(const Gemm& g, const Plan& p) {
+    if (!p.onCpu || g.panelsB || (g.bias && !g.biasPerRow)) return 0;
+    int64_t few = g.n % (2 * p.lanes);
+    Gemm last = g;
+    last.n = few;
+    last.startB += (g.n - few) * (g.transB ? g.ldb : 1);
+    if (few > 0 && few < g.n && isNarrow(last, p)) return few;
+    // Half of a tile, or less.
+    int64_t rest = g.n % p.columns();
+    return g.n > p.columns() && rest <= p.columns() / 2 ? rest : 0;
 }
 
 }  // namespace
@@ -214,22 +236,19 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
     CHECK(!g.bias || g.bias.elements() == (g.biasPerRow ? g.m : g.n), "bias fits the product");
 
     Plan p = plan(graph.device(), g);
-    // Lanes that run one after the other, as a CPU's, also pay for columns behind the last: those
-    // that fill less than half of a tile get narrower ones.
-    int64_t rest = g.n % p.columns();
-    bool biasPerColumn = g.bias && !g.biasPerRow;
-    if (p.onCpu && !g.panelsB && !biasPerColumn && g.n > p.columns() && rest > 0 &&
-        rest <= p.columns() / 2) {
+    if (int64_t apart = columnsApart(g, p)) {
         Gemm wide = g, narrow = g;
-        wide.n = g.n - rest;
-        narrow.n = rest;
+        wide.n = g.n - apart;
+        narrow.n = apart;
         narrow.startB += wide.n * (g.transB ? g.ldb : 1);
         narrow.startC += wide.n;
         gemm(graph, a, b, c, wide);
         gemm(graph, a, b, c, narrow);
         return;
     }
-    if (narrowProduct(graph, a, b, c, g, p)) return;
+    const bool narrow = isNarrow(g, p);
+    if (narrow && !g.transA) return narrowRows(graph, a, b, c, g, p);
+    if (narrow) p.panelsA = p.panelsB = false;
     // A's panels have only the rows that are listed, so that C can have no others.
     const bool listed = g.rows && g.panelsA;
     CHECK(!listed || gemmTakesRows(graph.device(), g.m), "this product can leave rows out");
@@ -305,6 +324,14 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
             "linalg/gemm_matrix.tile",
             {{"a", left}, {"b", right}, {"c", out}, {"bias", bias}, {"largest", largest}}, params,
             groups, spec);
+    } else if (narrow) {
+        groups.x = u32(ceilDiv(g.m, int64_t{4} * p.lanes));
+        graph.dispatchGroups("linalg/gemm_narrow.columns", {{"a", a}, {"b", b}, {"c", out}}, params,
+                             groups,
+                             {{"local_size", p.lanes},
+                              {"kLanes", p.lanes},
+                              {"kColumns", u32(g.n)},
+                              {"kTransB", false}});
     } else if (p.onCpu) {
         spec["kQuadA"] =
             !p.halves && (layoutA == kGemmPanels || divisible(4, {g.lda, g.startA, g.strideA}));
@@ -360,19 +387,23 @@ void sumAxis(Graph& graph, const Tensor& x, int64_t outer, int64_t count, int64_
     CHECK(outer * count * inner <= x.elements() && outer * inner <= target.elements(),
           "a sum over [{},{},{}] lies within its tensors", outer, count, inner);
     if (outer * inner == 0) return;
+    bool quads = loadsTexels(graph.device()) && inner % 4 == 0;
+    const char* kernel = quads ? "linalg/sum.axis_quads" : "linalg/sum.axis";
+    const char* name = quads ? "xQuads" : "x";
+    int64_t each = quads ? 4 : 1;  // columns of an invocation
     constexpr int64_t kPartLength = 256;
     int64_t parts = std::max<int64_t>(1, ceilDiv(count, kPartLength));
     Tensor source = x;
     if (parts > 1) {
         SumParams params{u32(outer), u32(count), u32(inner), kPartLength, u32(parts)};
         source = graph.temporary({outer, parts, inner});
-        graph.dispatch("linalg/sum.axis", {{"x", x}, {"y", source}}, params,
-                       static_cast<uint64_t>(outer * parts * inner));
+        graph.dispatch(kernel, {{name, x}, {"y", source}}, params,
+                       static_cast<uint64_t>(outer * parts * (inner / each)));
         count = parts;
     }
     SumParams params{u32(outer), u32(count), u32(inner), u32(std::max<int64_t>(count, 1)), 1};
-    graph.dispatch("linalg/sum.axis", {{"x", source}, {"y", target}}, params,
-                   static_cast<uint64_t>(outer * inner), {{"kAccumulate", accumulate}});
+    graph.dispatch(kernel, {{name, source}, {"y", target}}, params,
+                   static_cast<uint64_t>(outer * (inner / each)), {{"kAccumulate", accumulate}});
 }
 
 Tensor matmul(Graph& graph, const Tensor& a, const Tensor& b, bool transA, bool transB) {

@@ -40,7 +40,7 @@ Tensor graphPanels(Graph& graph, const Tensor& x, const AdjacencyTensors& adjace
                              static_cast<uint32_t>(w.row), static_cast<uint32_t>(H),
                              divisorOf(uint64_t(H))};
     Specialisation spec{{"kRows", static_cast<uint32_t>(rows)}};
-    if (loadsTexels(graph.device()) && H == w.row) {
+    if (loadsTexels(graph.device()) && w.row % 4 == 0) {
         int64_t columns = 16;
         while (H % columns != 0) columns -= 4;
         params.byPieces = divisorOf(uint64_t(H / columns));
@@ -327,8 +327,7 @@ Tensor graphConvLayer(Graph& graph, const Tensor& x, const AdjacencyTensors& adj
 }
 
 bool graphConvTakesRows(const Device& device, int64_t vertices, const GraphConvWeights& weights) {
-    return gemmTakesRows(device, vertices) && loadsTexels(device) &&
-           weights.halfColumns == weights.row;
+    return gemmTakesRows(device, vertices) && loadsTexels(device) && weights.row % 4 == 0;
 }
 
 Tensor withTail(Graph& graph, const Tensor& x, int64_t columns, const Tensor& tail,

@@ -53,6 +53,15 @@ TEST(Linalg, MatmulPanels) {
 // Few results, long sums: cut into parts.
 TEST(Linalg, MatmulLong) { checkMatmul(2, 5, 6, 4099); }
 
+// A few columns behind the last full tile are made by kernels of their own on a CPU: rows of A as
+// they lie, or, transposed, in parts.
+TEST(Linalg, MatmulNarrow) {
+    checkMatmul(1, 260, 36, 20);
+    checkMatmul(1, 264, 4, 8);
+    checkMatmul(1, 68, 3, 1036);
+    checkMatmul(1, 64, 36, 24);
+}
+
 // Tiles that reach over the matrices' ends, whole ones, several parts, batches.
 TEST(Linalg, MatmulMixed) {
     for (auto [batch, m, n, k] : {std::array{1, 1, 1, 1},

@@ -4,48 +4,80 @@
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_ballot : require
 #include "common/op.glsl"
-#include "common/pairs.glsl"
 #include "common/rows.glsl"
 #include "linalg/params.h"
-// C = A B^T (+ bias) for B of a few rows, for drivers that run lanes as a CPU's vector: a lane makes
-// a row of C, and values of B are loaded by one lane each and handed out, as in gemm.glsl; sums are
-// in its order and have its bits.
+// C = op(A) op(B) of up to four columns, for drivers that run lanes as a CPU's vector: each lane has
+// rows of C of its own, and values of B are loaded by one lane each and handed out, as in gemm.glsl;
+// sums are in its order and have its bits. Matrices start at texels, and so do their rows.
 PARAMS(GemmParams, 5)
-BUFFER(0, readonly, uint64_t, a);  // [m, k], rows and k even
-BUFFER(1, readonly, uint64_t, b);  // [kColumns, k], likewise
-BUFFER(2, writeonly, float, c);    // [m, kColumns]
+TEXELS(0, a);
+TEXELS(1, b);
+BUFFER(2, writeonly, float, c);
 BUFFER(3, readonly, float, bias);  // [kColumns]
 ROW_TILES(4)
 
 layout(constant_id = 1) const uint kLanes = 8;
 layout(constant_id = 2) const uint kColumns = 3;
 layout(constant_id = 3) const bool kBias = false;
-const uint kPairs = kGemmUnroll / 2;  // of a row, in the loop's body
-const uint kLoads = (kColumns * kPairs + kLanes - 1) / kLanes;
+layout(constant_id = 4) const bool kTransB = true;  // B lies as [kColumns, k]
+// In the loop's body B has a texel for each step, or, transposed, for four steps of a column.
+const uint kQuads = kGemmUnroll / 4, kTexels = kTransB ? kColumns * kQuads : kGemmUnroll;
+const uint kLoads = (kTexels + kLanes - 1) / kLanes;
 
+vec4 loadB(uint e, uint k, uint end) {
+    uint at = kTransB ? e / kQuads * params.ldb + min(k + 4 * (e % kQuads), end - 4)
+                      : min(k + e, end - 1) * params.ldb;
+    return texelFetch(b, int((params.startB + at) / 4));
+}
+// B[k + u, j] of this body.
+float valueB(vec4 loaded[kLoads], uint u, uint j) {
+    uint e = kTransB ? j * kQuads + u / 4 : u;
+    return subgroupBroadcast(loaded[e / kLanes][kTransB ? u % 4 : j], e % kLanes);
+}
+
+// A lies as [m, k], k a multiple of 4: a row per lane.
 ENTRY(rows) {
-    uint lane = gl_SubgroupInvocationID, pairs = params.k / 2;
-    uint row = listedIndex(), start = (params.startA + min(row, params.m - 1) * params.lda) / 2;
+    uint lane = gl_SubgroupInvocationID, row = listedIndex();
+    uint start = params.startA + min(row, params.m - 1) * params.lda;
     float sum[kColumns];
     [[unroll]] for (uint j = 0; j < kColumns; ++j) sum[j] = 0;
-    for (uint k = 0; k < pairs; k += kPairs) {
-        vec2 ofB[kLoads];  // column e / kPairs, pair e % kPairs of the body
-        [[unroll]] for (uint t = 0; t < kLoads; ++t) {
-            uint e = min(t * kLanes + lane, kColumns * kPairs - 1);
-            uint at = params.startB / 2 + e / kPairs * (params.ldb / 2);
-            ofB[t] = unpackPair(b.d[at + min(k + e % kPairs, pairs - 1)]);
+    for (uint k = 0; k < params.k; k += kGemmUnroll) {
+        vec4 ofB[kLoads], own[kQuads];
+        [[unroll]] for (uint t = 0; t < kLoads; ++t)
+            ofB[t] = loadB(min(t * kLanes + lane, kTexels - 1), k, params.k);
+        [[unroll]] for (uint q = 0; q < kQuads; ++q) {
+            own[q] = texelFetch(a, int((start + min(k + 4 * q, params.k - 4)) / 4));
+            if (k + 4 * q >= params.k) own[q] = vec4(0);
         }
-        [[unroll]] for (uint u = 0; u < kPairs; ++u) {
-            vec2 own = unpackPair(a.d[start + min(k + u, pairs - 1)]);
-            if (k + u >= pairs) own = vec2(0);
-            [[unroll]] for (uint j = 0; j < kColumns; ++j) {
-                uint e = j * kPairs + u;
-                sum[j] += own.x * subgroupBroadcast(ofB[e / kLanes].x, e % kLanes);
-                sum[j] += own.y * subgroupBroadcast(ofB[e / kLanes].y, e % kLanes);
-            }
-        }
+        [[unroll]] for (uint u = 0; u < kGemmUnroll; ++u)
+            [[unroll]] for (uint j = 0; j < kColumns; ++j)
+                sum[j] += own[u / 4][u % 4] * valueB(ofB, u, j);
     }
     if (row >= params.m) return;
     [[unroll]] for (uint j = 0; j < kColumns; ++j)
         c.d[params.startC + row * params.ldc + j] = kBias ? sum[j] + bias.d[j] : sum[j];
+}
+
+// A lies as [k, m], m a multiple of 4: four rows of C per lane, and as in gemm.glsl parts of k.
+ENTRY(columns) {
+    uint lane = gl_SubgroupInvocationID, row = 4 * (gl_WorkGroupID.x * kLanes + lane);
+    uint part = gl_WorkGroupID.z, begin = part * params.kPart;
+    uint end = min(params.k, begin + params.kPart);
+    uint start = params.startA + min(row, params.m - 4);
+    vec4 sum[kColumns];
+    [[unroll]] for (uint j = 0; j < kColumns; ++j) sum[j] = vec4(0);
+    for (uint k = begin; k < end; k += kGemmUnroll) {
+        vec4 ofB[kLoads];
+        [[unroll]] for (uint t = 0; t < kLoads; ++t)
+            ofB[t] = loadB(min(t * kLanes + lane, kTexels - 1), k, end);
+        [[unroll]] for (uint u = 0; u < kGemmUnroll; ++u) {
+            vec4 own = texelFetch(a, int((start + min(k + u, end - 1) * params.lda) / 4));
+            if (k + u >= end) own = vec4(0);
+            [[unroll]] for (uint j = 0; j < kColumns; ++j) sum[j] += own * valueB(ofB, u, j);
+        }
+    }
+    if (row >= params.m) return;
+    uint to = params.startC + part * params.m * params.n;
+    [[unroll]] for (uint i = 0; i < 4; ++i)
+        [[unroll]] for (uint j = 0; j < kColumns; ++j) c.d[to + (row + i) * params.ldc + j] = sum[j][i];
 }

@@ -6,7 +6,8 @@
 #include "common/rows.glsl"
 #include "mesh/params.h"
 // graph_panels.comp for drivers that run lanes as a CPU's vector: loads texels of columns, stores
-// pairs of vertices. H is row and a multiple of kColumns.
+// pairs of vertices. row is a multiple of 4, and H one of kColumns; what is loaded from behind a row
+// is not used.
 PARAMS(GraphPanelsParams, 5)
 TEXELS(0, x);                              // [V,row]
 BUFFER(1, readonly, int, neighbourBegin);  // [V+1]
