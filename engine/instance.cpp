@@ -26,7 +26,8 @@ VKAPI_ATTR VkBool32 VKAPI_CALL onMessage(VkDebugUtilsMessageSeverityFlagBitsEXT,
 
 // Mesa keeps what lavapipe compiles in a cache on disk, and Mesa 25 finds the functions there that
 // fetch texels whatever width of vectors they were compiled for: a program that runs with another
-// width crashes in them. So each width has a folder of its own.
+// width crashes in them. So each width has a folder of its own. (The viewer's window and networks may
+// have different ones, see viewer/window.h.)
 void separateShaderCaches() {
     namespace fs = std::filesystem;
     const char* width = std::getenv("LP_NATIVE_VECTOR_WIDTH");
@@ -43,6 +44,7 @@ void separateShaderCaches() {
     const std::string ending = "-bit-vectors";
     if (folder.filename().string().ends_with(ending)) folder = folder.parent_path();  // a parent's
     folder /= width + ending;
+    if (const char* set = std::getenv("MESA_SHADER_CACHE_DIR"); set && folder == set) return;
     std::error_code ignored;  // without the folder Mesa does without a cache
     fs::create_directories(folder, ignored);
     setenv("MESA_SHADER_CACHE_DIR", folder.c_str(), 1);
@@ -61,8 +63,7 @@ std::vector<std::string> Device::validationMessages() {
 }
 
 VkInstance createInstance(bool validation, std::span<const char* const> extensions) {
-    static std::once_flag once;
-    std::call_once(once, separateShaderCaches);
+    separateShaderCaches();
     VkApplicationInfo application{VK_STRUCTURE_TYPE_APPLICATION_INFO};
     application.pApplicationName = "doppel";
     application.apiVersion = VK_API_VERSION_1_2;

@@ -77,8 +77,7 @@ Motion turningMotion(size_t frames) {
 class ViewerTest : public testing::Test {
 protected:
     static void SetUpTestSuite() {
-        // As the window does, but before any device of this process.
-        setenv("LP_NATIVE_VECTOR_WIDTH", "256", 1);
+        Window::avoidWideVectors();  // before any device of this process
         screen_ = new Screen(1000, 760);
         folder_ = new Folder;
         Avatar avatar = plainAvatar();

@@ -55,12 +55,29 @@ std::optional<Presenter> presenterOf(VkPhysicalDevice physical, VkSurfaceKHR sur
 
 constexpr uint32_t kNone = UINT32_MAX;
 
-// Mesa 25's lavapipe crashes when it compiles a fragment shader for vectors of 512 bits, which its
-// compute shaders like best. It reads the width once per process, so before the first device.
-void avoidWideVectors() {
-    const char* width = std::getenv("LP_NATIVE_VECTOR_WIDTH");
-    if (width && std::string_view(width) == "512") setenv("LP_NATIVE_VECTOR_WIDTH", "256", 1);
+// Of the environment, until it goes.
+class Setting {
+public:
+    Setting(const char* name, const char* value) : name_(name) {
+        if (const char* was = std::getenv(name)) was_ = was;
+        setenv(name, value, 1);
+    }
+    ~Setting() { was_ ? setenv(name_, was_->c_str(), 1) : unsetenv(name_); }
+    Setting(const Setting&) = delete;
+    Setting& operator=(const Setting&) = delete;
+
+private:
+    const char* name_;
+    std::optional<std::string> was_;
+};
+
+constexpr const char *kVectorWidth = "LP_NATIVE_VECTOR_WIDTH", *kNarrow = "256";
+
+bool hasWideVectors() {
+    const char* width = std::getenv(kVectorWidth);
+    return width && std::string_view(width) == "512";
 }
+const char* ownDriver() { return std::getenv("DOPPEL_WINDOW_DRIVER"); }
 
 }  // namespace
 
@@ -122,8 +139,11 @@ struct Window::Parts {
     void record(uint32_t image, std::span<const PlacedPicture> pictures);
 };
 
+void Window::avoidWideVectors() {
+    if (hasWideVectors() && !ownDriver()) setenv(kVectorWidth, kNarrow, 1);
+}
+
 void Window::Parts::openWindow(const WindowOptions& options) {
-    avoidWideVectors();
     if (!glfwInit())
         throwMachine("no window can be opened: {}; over ssh, DISPLAY has to be set, or use Xvfb",
                      glfwReason());
@@ -159,6 +179,11 @@ void Window::Parts::makeSurface() {
 }
 
 void Window::Parts::openDevice(const std::string& wanted) {
+    std::optional<Setting> driver, width;
+    if (hasWideVectors() && ownDriver()) {
+        driver.emplace("VK_DRIVER_FILES", ownDriver());
+        width.emplace(kVectorWidth, kNarrow);
+    }
     uint32_t count = 0;
     const char** extensions = glfwGetRequiredInstanceExtensions(&count);
     bool validation = validationWanted();
@@ -579,6 +604,7 @@ Window::Parts::~Parts() {
 }
 
 Window::Window(const WindowOptions& options) : parts_(std::make_unique<Parts>()) {
+    avoidWideVectors();
     parts_->openWindow(options);
     parts_->openDevice(options.device);
     parts_->chooseFormat();
