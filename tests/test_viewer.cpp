@@ -713,6 +713,50 @@ TEST_F(ViewerTest, DrawsWhatRenderDraws) {
     }
 }
 
+// While a limb moves, the rest of the picture stays as it was drawn.
+TEST_F(ViewerTest, DrawsAgainOnlyWhereSomethingMoved) {
+    Device device;
+    Avatar avatar = readAvatar(*folder_ / "avatar");
+    Camera camera{600, 600, 256, 240, 512, 480};
+    std::vector<uint32_t> background(512 * 480, 0xff4080c0u), other(512 * 480, 0xff102030u);
+    Motion motion = turningMotion(1);
+    Theta bent = motion.theta[0];
+    bent[3 * 18 + 1] += 0.6f;
+    for (bool lit : {false, true}) {
+        Scene scene(device, avatar), fresh(device, avatar);
+        ShadeOptions options;
+        options.paint = lit ? kPaintClay : kPaintTexture;
+        options.lit = lit;
+        auto draw = [&](Scene& with, const Theta& theta, std::vector<uint32_t> reused,
+                        const std::vector<uint32_t>& behind) {
+            with.setPose(theta, motion.trans[0], avatar.betas);
+            return with.draw(MeshKind::Refined, camera, {}, options, behind, 1, std::move(reused));
+        };
+        auto differences = [](std::span<const uint32_t> a, std::span<const uint32_t> b) {
+            int count = 0;
+            for (size_t i = 0; i < a.size(); ++i) count += a[i] != b[i];
+            return count;
+        };
+        std::vector<uint32_t> picture = draw(scene, motion.theta[0], {}, background);
+        std::vector<uint32_t> whole = draw(fresh, bent, {}, background);
+        EXPECT_GT(differences(picture, whole), 500);
+        picture[0] = 0xff0000ffu;  // far from the arm
+        picture = draw(scene, bent, std::move(picture), background);
+        EXPECT_EQ(picture[0], 0xff0000ffu) << "this corner was drawn again";
+        picture[0] = whole[0];
+        // Elsewhere on the picture positions are rounded in another way.
+        EXPECT_LE(differences(picture, whole), 20);
+        // Another background, or view, is drawn as a whole.
+        picture = draw(scene, bent, std::move(picture), other);
+        EXPECT_EQ(differences(picture, draw(fresh, bent, {}, other)), 0);
+        picture[0] = 0xff0000ffu;
+        camera.cx += 3;
+        picture = draw(scene, bent, std::move(picture), other);
+        EXPECT_EQ(differences(picture, draw(fresh, bent, {}, other)), 0);
+        camera.cx -= 3;
+    }
+}
+
 TEST_F(ViewerTest, SaysWhatIsWrong) {
     ViewOptions options;
     options.avatar = *folder_ / "nobody";

@@ -13,7 +13,7 @@ namespace doppel {
 
 namespace {
 
-constexpr size_t kDrawingsKept = 8;  // of some 30 MB each for a window of usual size
+constexpr size_t kDrawingsKept = 12;  // of some 30 MB each at most for a window of usual size
 
 std::array<float, 3> axisAngle(const glm::dmat3& rotation) {
     glm::dvec3 v = axisAngleOf(glm::normalize(glm::quat_cast(rotation)));
@@ -218,6 +218,7 @@ void Scene::setTexture(std::span<const float> texture) {
         packed[i] = word;
     }
     device_.upload({&texture_, 0, packed.size() * 4}, std::as_bytes(std::span(packed)));
+    ++textureVersion_;
 }
 
 Scene::Posing& Scene::posed(MeshKind mesh) {
@@ -251,20 +252,30 @@ namespace {
 
 struct Rectangle {
     int x = 0, y = 0, width = 0, height = 0;
+
+    int64_t area() const { return int64_t{width} * height; }
 };
 
-// Where the vertices are on the picture, grown to a grid so that few sizes occur; all of it where
-// one of them is behind the camera.
-Rectangle around(std::span<const float> verts, const Camera& camera, const ViewTransform& view) {
-    constexpr int kGrid = 64;
+// Where vertices are on a picture; everywhere where one of them is behind the camera.
+struct Bounds {
     double left = INFINITY, right = -INFINITY, top = INFINITY, bottom = -INFINITY;
-    for (size_t i = 0; i + 2 < verts.size(); i += 3) {
-        glm::dvec3 p = view({verts[i], verts[i + 1], verts[i + 2]});
-        if (p.z < 1e-3) return {0, 0, camera.width, camera.height};
+
+    void add(const float* vertex, const Camera& camera, const ViewTransform& view) {
+        glm::dvec3 p = view({vertex[0], vertex[1], vertex[2]});
+        if (p.z < 1e-3) {
+            left = top = -INFINITY;
+            right = bottom = INFINITY;
+            return;
+        }
         double u = camera.fx * p.x / p.z + camera.cx, v = camera.fy * p.y / p.z + camera.cy;
         left = std::min(left, u), right = std::max(right, u);
         top = std::min(top, v), bottom = std::max(bottom, v);
     }
+};
+
+// The pixels that the bounds touch, grown to a grid so that few sizes occur.
+Rectangle around(const Bounds& bounds, const Camera& camera) {
+    constexpr int kGrid = 64;
     auto range = [](double low, double high, int size) {
         int begin =
             std::clamp(static_cast<int>(std::floor(std::clamp(low, -1e6, 1e6))) - 1, 0, size);
@@ -274,73 +285,154 @@ Rectangle around(std::span<const float> verts, const Camera& camera, const ViewT
         end = std::min(begin + (end - begin + kGrid - 1) / kGrid * kGrid, size);
         return std::pair{begin, end - begin};
     };
-    auto [x, width] = range(left, right, camera.width);
-    auto [y, height] = range(top, bottom, camera.height);
+    if (bounds.left > bounds.right) return {};
+    auto [x, width] = range(bounds.left, bounds.right, camera.width);
+    auto [y, height] = range(bounds.top, bounds.bottom, camera.height);
     return {x, y, width, height};
 }
 
+// Of the faces with a vertex that is not where it was, before and now; rings: 2 takes the faces
+// next to those along.
+Bounds boundsOfMoved(std::span<const float> before, std::span<const float> now,
+                     std::span<const int32_t> faces, int rings, const Camera& camera,
+                     const ViewTransform& view) {
+    std::vector<uint8_t> touched(now.size() / 3);
+    for (size_t v = 0; v < touched.size(); ++v)
+        touched[v] = !std::equal(&now[3 * v], &now[3 * v] + 3, &before[3 * v]);
+    for (int ring = 0; ring < rings; ++ring) {
+        std::vector<uint8_t> inner = touched;
+        for (size_t i = 0; i + 2 < faces.size(); i += 3) {
+            auto a = static_cast<size_t>(faces[i]), b = static_cast<size_t>(faces[i + 1]);
+            auto c = static_cast<size_t>(faces[i + 2]);
+            if (inner[a] | inner[b] | inner[c]) touched[a] = touched[b] = touched[c] = 1;
+        }
+    }
+    Bounds bounds;
+    for (size_t v = 0; v < touched.size(); ++v) {
+        if (!touched[v]) continue;
+        bounds.add(&before[3 * v], camera, view);
+        bounds.add(&now[3 * v], camera, view);
+    }
+    return bounds;
+}
+
 }  // namespace
+
+struct Scene::Drawn {
+    MeshKind mesh;
+    Camera camera;
+    ViewTransform view;
+    ShadeOptions options;
+    int samples;
+    uint64_t textureVersion;
+    std::vector<uint32_t> background;
+    std::vector<float> verts;
+    const uint32_t* pixels = nullptr;  // of the picture that was returned
+};
 
 std::vector<uint32_t> Scene::draw(MeshKind mesh, const Camera& camera, const ViewTransform& view,
                                   const ShadeOptions& options, std::span<const uint32_t> background,
                                   int samples, std::vector<uint32_t> reused) {
     if (!hasRefinedMesh()) mesh = MeshKind::Body;
     Posing& posing = posed(mesh);
-    auto width = static_cast<size_t>(camera.width);
+    const std::vector<float>& verts = posing.hostVerts;
+    const auto width = static_cast<size_t>(camera.width);
+    const int inset = std::clamp(options.inset, 0, std::min(camera.width, camera.height));
+    const bool shaped = options.paint == kPaintClay || options.paint == kPaintNormals ||
+                        options.paint == kPaintParts || options.paint == kPaintClamps;
+    const bool needsNormals = shaped || options.lit;
     std::vector<uint32_t> picture = std::move(reused);
-    picture.resize(background.size());
-    if (options.blueFirst)
-        for (size_t i = 0; i < picture.size(); ++i) {
+    Rectangle box{0, 0, camera.width, camera.height}, whole = box;
+    if (inset == 0) {
+        Bounds bounds;
+        for (size_t i = 0; i < verts.size(); i += 3) bounds.add(&verts[i], camera, view);
+        box = whole = around(bounds, camera);
+    }
+    // What a pixel of the visibility map shows depends on faces elsewhere.
+    bool onLast = drawn_ && drawn_->pixels == picture.data() && drawn_->mesh == mesh &&
+                  drawn_->camera == camera && drawn_->view == view && drawn_->options == options &&
+                  drawn_->samples == samples && drawn_->textureVersion == textureVersion_ &&
+                  inset == 0 && options.paint != kPaintVisibility &&
+                  std::ranges::equal(drawn_->background, background);
+    if (onLast) {
+        box = around(boundsOfMoved(drawn_->verts, verts, avatar_.body.faces, needsNormals ? 2 : 1,
+                                   camera, view),
+                     camera);
+        // Where nearly all has moved, the size that there is already.
+        if (4 * box.area() > 3 * whole.area()) {
+            box = whole;
+            onLast = false;
+        }
+    }
+    if (!onLast) picture.resize(background.size());
+    auto copyBackground = [&](size_t first, size_t count) {
+        if (!options.blueFirst) {
+            std::copy_n(&background[first], count, &picture[first]);
+            return;
+        }
+        for (size_t i = first; i < first + count; ++i) {
             uint32_t word = background[i];
             picture[i] = (word & 0xff00ff00u) | (word & 0xffu) << 16 | (word >> 16 & 0xffu);
         }
-    else
-        std::ranges::copy(background, picture.begin());
-    Rectangle box = around(posing.hostVerts, camera, view);
-    int inset = std::clamp(options.inset, 0, std::min(camera.width, camera.height));
-    if (inset > 0) box = {0, 0, camera.width, camera.height};
-    if (box.width == 0 || box.height == 0) return picture;
-    bool shaped = options.paint == kPaintClay || options.paint == kPaintNormals ||
-                  options.paint == kPaintParts || options.paint == kPaintClamps;
-    if (shaped || options.lit) posing.findNormals();
-    Drawing& d = drawing({mesh, box.width, box.height, samples, options.paint, options.lit,
-                          options.wireframe, options.blueFirst, inset},
-                         posing);
-
-    auto f = [](double value) { return static_cast<float>(value); };
-    glm::dvec3 light = glm::normalize(options.light);
-    const glm::dmat3& r = view.rotation;  // columns first
-    std::array<float, sizeof(ShadeState) / 4> state{
-        f(options.ambient), f(light.x), f(light.y), f(light.z), f(r[0][0]), f(r[1][0]), f(r[2][0]),
-        f(r[0][1]),         f(r[1][1]), f(r[2][1]), f(r[0][2]), f(r[1][2]), f(r[2][2])};
-    d.graph.write(d.state, std::span<const float>(state));
-    std::array<float, 3> turn = axisAngle(view.rotation);
-    std::array<float, 3> shift{f(view.translation.x), f(view.translation.y), f(view.translation.z)};
-    d.graph.write(d.rotation, std::span<const float>(turn));
-    d.graph.write(d.translation, std::span<const float>(shift));
-    RasterCamera raster = rasterCamera(camera);
-    raster.fx *= f(samples), raster.fy *= f(samples);
-    raster.cx = f(samples * (camera.cx - box.x)), raster.cy = f(samples * (camera.cy - box.y));
-    d.graph.write(d.camera, cameraValues(raster));
-    auto row = [&](auto& image, int y) {
-        return &image[static_cast<size_t>(box.y + y) * width + static_cast<size_t>(box.x)];
     };
-    auto wide = static_cast<size_t>(box.width);
-    size_t pixels = wide * static_cast<size_t>(box.height);
-    bool changed = d.behind.size() != pixels;
-    d.behind.resize(pixels);
-    d.drawn.resize(pixels);
-    for (int y = 0; y < box.height; ++y) {
-        int32_t* known = &d.behind[static_cast<size_t>(y) * wide];
-        if (std::memcmp(known, row(picture, y), 4 * wide) == 0) continue;
-        std::memcpy(known, row(picture, y), 4 * wide);
-        changed = true;
+    auto placeOf = [&](int y) {
+        return static_cast<size_t>(box.y + y) * width + static_cast<size_t>(box.x);
+    };
+    const auto wide = static_cast<size_t>(box.width);
+    if (onLast)
+        for (int y = 0; y < box.height; ++y) copyBackground(placeOf(y), wide);
+    else
+        copyBackground(0, picture.size());
+
+    if (box.area() > 0) {
+        if (needsNormals) posing.findNormals();
+        Drawing& d = drawing({mesh, box.width, box.height, samples, options.paint, options.lit,
+                              options.wireframe, options.blueFirst, inset},
+                             posing);
+        auto f = [](double value) { return static_cast<float>(value); };
+        glm::dvec3 light = glm::normalize(options.light);
+        const glm::dmat3& r = view.rotation;  // columns first
+        std::array<float, sizeof(ShadeState) / 4> state{
+            f(options.ambient), f(light.x), f(light.y), f(light.z), f(r[0][0]),
+            f(r[1][0]),         f(r[2][0]), f(r[0][1]), f(r[1][1]), f(r[2][1]),
+            f(r[0][2]),         f(r[1][2]), f(r[2][2])};
+        d.graph.write(d.state, std::span<const float>(state));
+        std::array<float, 3> turn = axisAngle(view.rotation);
+        std::array<float, 3> shift{f(view.translation.x), f(view.translation.y),
+                                   f(view.translation.z)};
+        d.graph.write(d.rotation, std::span<const float>(turn));
+        d.graph.write(d.translation, std::span<const float>(shift));
+        RasterCamera raster = rasterCamera(camera);
+        raster.fx *= f(samples), raster.fy *= f(samples);
+        raster.cx = f(samples * (camera.cx - box.x)), raster.cy = f(samples * (camera.cy - box.y));
+        d.graph.write(d.camera, cameraValues(raster));
+        auto pixels = static_cast<size_t>(box.area());
+        bool changed = d.behind.size() != pixels;
+        d.behind.resize(pixels);
+        d.drawn.resize(pixels);
+        for (int y = 0; y < box.height; ++y) {
+            int32_t* known = &d.behind[static_cast<size_t>(y) * wide];
+            const uint32_t* now = &picture[placeOf(y)];
+            if (std::memcmp(known, now, 4 * wide) == 0) continue;
+            std::memcpy(known, now, 4 * wide);
+            changed = true;
+        }
+        if (changed) d.graph.write(d.background, d.behind);
+        d.graph.run();
+        d.graph.read(d.picture, std::span(d.drawn));
+        for (int y = 0; y < box.height; ++y)
+            std::copy_n(&d.drawn[static_cast<size_t>(y) * wide], wide, &picture[placeOf(y)]);
     }
-    if (changed) d.graph.write(d.background, d.behind);
-    d.graph.run();
-    d.graph.read(d.picture, std::span(d.drawn));
-    for (int y = 0; y < box.height; ++y)
-        std::copy_n(&d.drawn[static_cast<size_t>(y) * wide], wide, row(picture, y));
+    if (!drawn_) drawn_ = std::make_unique<Drawn>();
+    if (!onLast) drawn_->background.assign(background.begin(), background.end());
+    drawn_->mesh = mesh;
+    drawn_->camera = camera;
+    drawn_->view = view;
+    drawn_->options = options;
+    drawn_->samples = samples;
+    drawn_->textureVersion = textureVersion_;
+    drawn_->verts = verts;
+    drawn_->pixels = picture.data();
     return picture;
 }
 

@@ -22,6 +22,7 @@ struct ViewTransform {
     glm::dvec3 translation{0};
 
     glm::dvec3 operator()(const glm::dvec3& point) const { return rotation * point + translation; }
+    bool operator==(const ViewTransform&) const = default;
 };
 
 // Which mesh is drawn: the body as skinning leaves it, or as the mesh network refines it.
@@ -34,6 +35,7 @@ struct ShadeOptions {
     double ambient = 0.35;
     int inset = 0;           // side of the atlas in the lower right corner, pixels; 0: none
     bool blueFirst = false;  // bytes of a pixel: B, G, R, A instead of R, G, B, A
+    bool operator==(const ShadeOptions&) const = default;
 };
 
 class Scene {
@@ -53,8 +55,9 @@ public:
     void prepare(MeshKind mesh) { posed(mesh); }
 
     // Pixels [H,W] of four bytes. background: the same; samples: per pixel and axis, averaged. Only
-    // the rectangle around the avatar is computed, the rest is the background. reused: memory for
-    // the picture, as of the one before.
+    // the rectangle around the avatar is computed, the rest is the background. reused: the last
+    // picture as it was returned, or other memory; of the last picture only the rectangle around
+    // the faces that have moved is computed again, where nothing else has changed.
     std::vector<uint32_t> draw(MeshKind mesh, const Camera& camera, const ViewTransform& view,
                                const ShadeOptions& options, std::span<const uint32_t> background,
                                int samples = 1, std::vector<uint32_t> reused = {});
@@ -83,6 +86,10 @@ private:
     Drawing& drawing(const DrawingKey& key, const Posing& posing);
     // The ones used last, the latest first.
     std::list<std::pair<DrawingKey, std::unique_ptr<Drawing>>> drawings_;
+    // What the last picture was made of.
+    struct Drawn;
+    std::unique_ptr<Drawn> drawn_;
+    uint64_t textureVersion_ = 0;
     Theta theta_{};
     Trans trans_{};
     Betas betas_;
