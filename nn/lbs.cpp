@@ -82,7 +82,7 @@ struct Posing {
 };
 
 Posing posing(Graph& graph, const LbsModel& model, const ShapedBody& shaped, const Tensor& theta,
-              const Tensor& trans, const RowTiles& rows) {
+              const Tensor& trans, const ListedRows& rows) {
     auto vertices = static_cast<uint32_t>(model.vertexCount);
     BodyParams params{vertices, model.influences, 0};
     Shape shape = shaped.verts.shape;
@@ -116,7 +116,7 @@ Posing posing(Graph& graph, const LbsModel& model, const ShapedBody& shaped, con
                   {"transformPairs", p.transforms},
                   {"trans", trans},
                   {"verts", p.body.verts},
-                  {"tiles", rows.list(graph)}},
+                  {"listed", rows.list(graph)}},
                  params, vertices);
     if (rows) graph.keep(p.body.verts);
     return p;
@@ -154,7 +154,7 @@ ShapedBody shapeBody(Graph& graph, const LbsModel& model, const Tensor& template
 }
 
 PosedBody poseBody(Graph& graph, const LbsModel& model, const ShapedBody& shaped,
-                   const Tensor& theta, const Tensor& trans, const RowTiles& rows) {
+                   const Tensor& theta, const Tensor& trans, const ListedRows& rows) {
     graph.beginOp("lbs");
     return posing(graph, model, shaped, theta, trans, rows).body;
 }
@@ -303,7 +303,7 @@ PosedBody lbs(Graph& graph, const LbsModel& model, const Tensor& templateVerts, 
 }
 
 Tensor rigidTransform(Graph& graph, const Tensor& verts, const Tensor& rotation,
-                      const Tensor& pivot, const Tensor& trans, const RowTiles& rows) {
+                      const Tensor& pivot, const Tensor& trans, const ListedRows& rows) {
     CHECK(verts.shape.size() == 2 && verts.dim(1) == 3, "vertices have the shape [V,3]");
     CHECK(rotation.elements() == 3 && pivot.elements() == 3 && trans.elements() == 3,
           "rotation, pivot and trans have three numbers");
@@ -317,7 +317,7 @@ Tensor rigidTransform(Graph& graph, const Tensor& verts, const Tensor& rotation,
                   {"pivot", pivot},
                   {"trans", trans},
                   {"y", y},
-                  {"tiles", rows.list(graph)}},
+                  {"listed", rows.list(graph)}},
                  params, vertices);
     if (rows) return graph.keep(y), y;
     graph.differentiate({verts, rotation, pivot, trans}, {y}, [=, &graph] {

@@ -50,13 +50,13 @@ ShapedBody shapeBody(Graph& graph, const LbsModel& model, const Tensor& template
                      const Tensor& beta);
 // rows: those whose vertices are computed; the others keep theirs.
 PosedBody poseBody(Graph& graph, const LbsModel& model, const ShapedBody& shaped,
-                   const Tensor& theta, const Tensor& trans, const RowTiles& rows = {});
+                   const Tensor& theta, const Tensor& trans, const ListedRows& rows = {});
 
 // y = R(rotation) (verts - pivot) + pivot + trans; verts [V,3], the others [3]. Gradients to all.
 // With theta's first three numbers as rotation and the pelvis as pivot it brings a body posed
 // without global orientation and translation to where theta and trans put it.
 // With rows: these alone, and no gradient.
 Tensor rigidTransform(Graph& graph, const Tensor& verts, const Tensor& rotation,
-                      const Tensor& pivot, const Tensor& trans, const RowTiles& rows = {});
+                      const Tensor& pivot, const Tensor& trans, const ListedRows& rows = {});
 
 }  // namespace doppel

@@ -150,8 +150,8 @@ void narrowRows(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c,
                   {"b", b},
                   {"c", c},
                   {"bias", g.bias ? g.bias : graph.none()},
-                  {"tiles", g.rows.list(graph)}},
-                 gemmParams(g), static_cast<uint64_t>(g.m), kRowTile,
+                  {"listed", g.rows.list(graph)}},
+                 gemmParams(g), static_cast<uint64_t>(g.m), kRowsListed,
                  {{"kLanes", p.lanes},
                   {"kColumns", u32(g.n)},
                   {"kBias", bool(g.bias)},
@@ -203,9 +203,8 @@ int64_t gemmPanelRows(const Device& device, int64_t m) {
     return chosen;
 }
 
-bool gemmTakesRows(const Device& device, int64_t m) {
-    return runsOnCpu(device) && !device.matrixUnits() && device.precision() == Precision::Single &&
-           gemmPanelRows(device, m) == kRowTile;
+bool gemmTakesRows(const Device& device) {
+    return runsOnCpu(device) && !device.matrixUnits() && device.precision() == Precision::Single;
 }
 
 int64_t gemmPanelWidth(const Device& device, int64_t n) {
@@ -251,7 +250,7 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
     if (narrow) p.panelsA = p.panelsB = false;
     // A's panels have only the rows that are listed, so that C can have no others.
     const bool listed = g.rows && g.panelsA;
-    CHECK(!listed || gemmTakesRows(graph.device(), g.m), "this product can leave rows out");
+    CHECK(!listed || gemmTakesRows(graph.device()), "this product can leave rows out");
     Tensor left = a, right = b;
     uint32_t layoutA = g.transA ? kGemmTransposed : g.panelsA ? kGemmPanels : kGemmRows;
     uint32_t layoutB = g.transB ? kGemmTransposed : g.panelsB ? kGemmPanels : kGemmRows;
@@ -343,10 +342,10 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
         std::initializer_list<Argument> arguments{
             {"a", left},       {"b", right},         {"c", out},
             {"bias", bias},    {"largest", largest}, {"aQuads", left},
-            {"bQuads", right}, {"cPairs", out},      {"tiles", g.rows.list(graph)}};
+            {"bQuads", right}, {"cPairs", out},      {"listed", g.rows.list(graph)}};
         if (listed)
             graph.dispatchIndirect("linalg/gemm_texels.tile", arguments, params,
-                                   g.rows.groups(1, groups.y, groups.z), spec);
+                                   g.rows.groups(p.rows / kRowsListed, groups.y, groups.z), spec);
         else
             graph.dispatchGroups("linalg/gemm_texels.tile", arguments, params, groups, spec);
     } else {
@@ -484,7 +483,7 @@ Tensor matmul(Graph& graph, const Tensor& a, const Tensor& b, bool transA, bool 
 }
 
 Tensor linear(Graph& graph, const Tensor& x, const Tensor& weight, const Tensor& bias,
-              const RowTiles& rows) {
+              const ListedRows& rows) {
     int64_t V = x.dim(0), I = x.dim(1), O = weight.dim(0);
     CHECK(weight.dim(1) == I, "weight {} fits x {}", toString(weight.shape), toString(x.shape));
     Tensor y = graph.temporary({V, O});

@@ -28,8 +28,8 @@ struct Gemm {
     // With mixed precision, from largestMagnitude(): of A or B, where it is made of gradients,
     // which may be too small for a half.
     Tensor largestA, largestB;
-    // Tiles of C's rows that are made, see gemmTakesRows(); the others stay as they are.
-    RowTiles rows;
+    // Rows of C that are made, see gemmTakesRows(); the others stay as they are.
+    ListedRows rows;
 };
 
 // Lanes of a CPU's vector, where a workgroup of so many is one subgroup and kernels hand out what
@@ -44,8 +44,9 @@ int64_t gemmPanelWidth(const Device& device, int64_t n);
 int64_t gemmPanelRows(const Device& device, int64_t m);
 int64_t gemmPanelSteps(int64_t k);
 
-// Whether products of m rows, A in panels, or with few columns, can leave rows out: a CPU's can.
-bool gemmTakesRows(const Device& device, int64_t m);
+// Whether products with A in panels, or of few columns, can leave rows out: a CPU's can. Of A's
+// panels only as many are used then as have the listed rows, one after the other.
+bool gemmTakesRows(const Device& device);
 
 // With mixed precision the magnitude [1] of x's largest element, as its bits, for Gemm; nothing
 // (an empty tensor) else. Adds dispatches to the current op.
@@ -63,7 +64,7 @@ inline double flops(const Gemm& g) {
 // y[V,O] = x[V,I] weight[O,I]^T + bias[O]; bias may be an empty tensor. Gradients to all three.
 // With rows these alone are computed, where the product can leave rows out; no gradients then.
 Tensor linear(Graph& graph, const Tensor& x, const Tensor& weight, const Tensor& bias,
-              const RowTiles& rows = {});
+              const ListedRows& rows = {});
 
 // c[B,M,N] = op(a) op(b) for every matrix of the batch; a, b are [B,rows,columns] as stored, and
 // transposed where asked. Gradients to both.

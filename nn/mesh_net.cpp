@@ -71,7 +71,7 @@ int MeshNet::reach() const {
 bool MeshNet::takesRows() const {
     return std::ranges::all_of(blocks_, [&](const Block& block) {
         return std::ranges::all_of(block.layers, [&](const GraphConvWeights& layer) {
-            return graphConvTakesRows(graph_.device(), mesh_.vertexCount, layer);
+            return graphConvTakesRows(graph_.device(), layer);
         });
     });
 }
@@ -86,7 +86,7 @@ std::vector<Tensor> MeshNet::refine(const Tensor& verts, const MovedRows* moved)
     std::vector<Tensor> meshes;
     Tensor now = verts, features;  // features [V,row], the normals of the block before behind
     int edges = 0;
-    auto rows = [&] { return moved ? moved->within(edges) : RowTiles(); };
+    auto rows = [&] { return moved ? moved->within(edges) : ListedRows(); };
     for (const Block& block : blocks_) {
         ++edges;
         Tensor normals = vertexNormals(graph_, now, mesh_, rows());

@@ -32,7 +32,7 @@ MeshTensors meshOf(OpCall& c) {
 
 // [ceil(V/rows), 2H, rows], see graph_panels.comp.
 Tensor graphPanels(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency,
-                   const GraphConvWeights& w, const RowTiles& list) {
+                   const GraphConvWeights& w, const ListedRows& list) {
     int64_t vertices = x.dim(0), H = w.halfColumns;
     int64_t rows = gemmPanelRows(graph.device(), vertices);
     Tensor panels = graph.temporary({(vertices + rows - 1) / rows, 2 * H, rows});
@@ -50,9 +50,9 @@ Tensor graphPanels(Graph& graph, const Tensor& x, const AdjacencyTensors& adjace
                       {"neighbourBegin", adjacency.begin},
                       {"neighbours", adjacency.neighbours},
                       {"panels", panels},
-                      {"tiles", list.list(graph)}},
+                      {"listed", list.list(graph)}},
                      params, static_cast<uint64_t>((vertices + 1) / 2 * (H / columns)),
-                     static_cast<uint32_t>(kRowTile / 2 * (H / columns)), spec);
+                     static_cast<uint32_t>(kRowsListed / 2 * (H / columns)), spec);
         return panels;
     }
     CHECK(!list, "panels of listed rows are packed in pairs");
@@ -79,7 +79,7 @@ void stackWeights(Graph& graph, const GraphConvWeights& w) {
 // y[V,O] = weight0 x + bias0 + what the neighbours give. With a tail [V,3]: ReLU, and the tail and
 // zeros behind it, y[V,rowWithTail(O)].
 Tensor convolve(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency,
-                const GraphConvWeights& weights, const Tensor& tail, const RowTiles& rows = {}) {
+                const GraphConvWeights& weights, const Tensor& tail, const ListedRows& rows = {}) {
     int64_t V = x.dim(0), O = weights.outputs, row = tail ? rowWithTail(O) : O;
     CHECK(x.dim(1) == weights.row, "x {} fits weights for rows of {}", toString(x.shape),
           weights.row);
@@ -99,7 +99,7 @@ Tensor convolve(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency
     gemm(graph, graphPanels(graph, x, adjacency, weights, rows), weights.wide, y, product);
     if (tail)
         dispatchRows(graph, "mesh/tail.append", rows,
-                     {{"tail", tail}, {"y", y}, {"tiles", rows.list(graph)}}, params, vertices);
+                     {{"tail", tail}, {"y", y}, {"listed", rows.list(graph)}}, params, vertices);
     if (rows) return graph.keep(y), y;
     std::vector<Tensor> inputs{x, weights.weight, weights.bias};
     if (tail) inputs.push_back(tail);
@@ -150,7 +150,7 @@ Tensor convolve(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency
 }  // namespace
 
 Tensor vertexNormals(Graph& graph, const Tensor& verts, const MeshTensors& mesh,
-                     const RowTiles& rows) {
+                     const ListedRows& rows) {
     checkVerts(verts, mesh);
     uint32_t vertices = vertexCountOf(mesh);
     MeshParams params{vertices, 1};
@@ -162,7 +162,7 @@ Tensor vertexNormals(Graph& graph, const Tensor& verts, const MeshTensors& mesh,
                   {"corners", mesh.corners},
                   {"normals", normals},
                   {"scales", scales},
-                  {"tiles", rows.list(graph)}},
+                  {"listed", rows.list(graph)}},
                  params, vertices);
     if (rows) return graph.keep(normals), normals;
     graph.differentiate({verts}, {normals}, [=, &graph] {
@@ -245,7 +245,7 @@ Tensor normalConsistencyLoss(Graph& graph, const Tensor& verts, const MeshTensor
 }
 
 Tensor offsetClamp(Graph& graph, const Tensor& verts, const Tensor& offset, const Tensor& limit,
-                   const RowTiles& rows) {
+                   const ListedRows& rows) {
     auto vertices = static_cast<uint32_t>(verts.dim(0));
     CHECK(verts.shape == Shape({vertices, 3}) && offset.shape == verts.shape &&
               limit.elements() == vertices,
@@ -258,7 +258,7 @@ Tensor offsetClamp(Graph& graph, const Tensor& verts, const Tensor& offset, cons
                   {"offset", offset},
                   {"limit", limit},
                   {"y", y},
-                  {"tiles", rows.list(graph)}},
+                  {"listed", rows.list(graph)}},
                  params, vertices);
     if (rows) return graph.keep(y), y;
     graph.differentiate({verts, offset}, {y}, [=, &graph] {
@@ -322,16 +322,16 @@ Tensor graphConv(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacenc
 }
 
 Tensor graphConvLayer(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency,
-                      const GraphConvWeights& weights, const Tensor& tail, const RowTiles& rows) {
+                      const GraphConvWeights& weights, const Tensor& tail, const ListedRows& rows) {
     return convolve(graph, x, adjacency, weights, tail, rows);
 }
 
-bool graphConvTakesRows(const Device& device, int64_t vertices, const GraphConvWeights& weights) {
-    return gemmTakesRows(device, vertices) && loadsTexels(device) && weights.row % 4 == 0;
+bool graphConvTakesRows(const Device& device, const GraphConvWeights& weights) {
+    return gemmTakesRows(device) && loadsTexels(device) && weights.row % 4 == 0;
 }
 
 Tensor withTail(Graph& graph, const Tensor& x, int64_t columns, const Tensor& tail,
-                const RowTiles& rows) {
+                const ListedRows& rows) {
     CHECK(columns == 0 || (x.dim(0) == tail.dim(0) && columns <= x.dim(1)),
           "x has the columns that are kept, and as many rows as the tail");
     auto vertices = static_cast<uint32_t>(tail.dim(0));
@@ -340,15 +340,15 @@ Tensor withTail(Graph& graph, const Tensor& x, int64_t columns, const Tensor& ta
         static_cast<uint32_t>(rowWithTail(columns)), divisorOf(uint64_t(rowWithTail(columns) / 4))};
     Tensor y = graph.temporary({vertices, params.row});
     graph.beginOp("with_tail");
-    Tensor tiles = rows.list(graph);
+    Tensor listed = rows.list(graph);
     if (x && x.dim(1) == params.row && !rows) {
         graph.copy(x, y);
-        graph.dispatch("mesh/tail.append", {{"tail", tail}, {"y", y}, {"tiles", tiles}}, params,
+        graph.dispatch("mesh/tail.append", {{"tail", tail}, {"y", y}, {"listed", listed}}, params,
                        vertices);
     } else {
         dispatchRows(graph, "mesh/tail.replace", rows,
-                     {{"x", x ? x : tail}, {"tail", tail}, {"y", y}, {"tiles", tiles}}, params,
-                     uint64_t{vertices} * params.row / 4, kRowTile * params.row / 4);
+                     {{"x", x ? x : tail}, {"tail", tail}, {"y", y}, {"listed", listed}}, params,
+                     uint64_t{vertices} * params.row / 4, kRowsListed * params.row / 4);
     }
     if (rows) return graph.keep(y), y;
     graph.differentiate({x, tail}, {y}, [=, &graph] {

@@ -12,7 +12,7 @@ namespace doppel {
 // (v1 - v0) x (v2 - v0): larger faces count for more. A vertex without faces, or whose faces cancel
 // out, gets zero. verts [V,3], result [V,3]. Gradient to verts.
 Tensor vertexNormals(Graph& graph, const Tensor& verts, const MeshTensors& mesh,
-                     const RowTiles& rows = {});
+                     const ListedRows& rows = {});
 
 // Mean over the vertices of |(mean of the neighbours) - v|, not squared. A vertex without
 // neighbours contributes zero. verts [V,3], result []. Gradient to verts; zero where the length is.
@@ -26,7 +26,7 @@ Tensor normalConsistencyLoss(Graph& graph, const Tensor& verts, const MeshTensor
 // y = verts + clamp(offset, -limit, +limit) per component. verts [V,3], offset [V,3], limit [V].
 // Gradients to verts and to offset, zero where |offset| >= limit.
 Tensor offsetClamp(Graph& graph, const Tensor& verts, const Tensor& offset, const Tensor& limit,
-                   const RowTiles& rows = {});
+                   const ListedRows& rows = {});
 
 // Of a graph convolution whose x has rows of `row` numbers, made once and used by any number of
 // convolutions.
@@ -58,13 +58,13 @@ constexpr int64_t rowWithTail(int64_t features) { return (features + 3 + 3) / 4 
 // result [V,rowWithTail(O)]. Gradients to x, the tail and the weights.
 Tensor graphConvLayer(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency,
                       const GraphConvWeights& weights, const Tensor& tail,
-                      const RowTiles& rows = {});
-// Whether it can do so for rows alone: on a CPU, for x of V rows.
-bool graphConvTakesRows(const Device& device, int64_t vertices, const GraphConvWeights& weights);
+                      const ListedRows& rows = {});
+// Whether it can do so for rows alone: on a CPU.
+bool graphConvTakesRows(const Device& device, const GraphConvWeights& weights);
 
 // y = [the first `columns` columns of x, tail, zeros]: x [V,R], or empty where columns is 0;
 // tail [V,3]; result [V,rowWithTail(columns)]. Gradients to both.
 Tensor withTail(Graph& graph, const Tensor& x, int64_t columns, const Tensor& tail,
-                const RowTiles& rows = {});
+                const ListedRows& rows = {});
 
 }  // namespace doppel

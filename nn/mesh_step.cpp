@@ -31,13 +31,13 @@ Tensor MeshNetwork::refine(const LbsModel& skin, const Tensor& rest, const Tenso
 
 Tensor MeshNetwork::refine(const LbsModel& skin, const ShapedBody& shaped, const Tensor& theta,
                            const Tensor& trans, const MovedRows* rows) const {
-    auto within = [&](int edges) { return rows ? rows->within(edges) : RowTiles(); };
+    auto within = [&](int edges) { return rows ? rows->within(edges) : ListedRows(); };
     PosedBody posed =
         poseBody(*graph, skin, shaped, multiply(*graph, theta, bodyPose), origin, within(0));
     Tensor refined = (rows ? net.refine(posed.verts, *rows) : net.refine(posed.verts)).back();
     return rigidTransform(*graph, refined, theta.slice(0, 3),
                           posed.joints.slice(0, 1).reshaped({3}), trans,
-                          rows ? rows->placed() : RowTiles());
+                          rows ? rows->placed() : ListedRows());
 }
 
 MeshStep::MeshStep(Device& device, const BodyModel& body, const std::array<float, 10>& betas,

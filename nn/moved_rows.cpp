@@ -34,11 +34,11 @@ MovedRows::MovedRows(Graph& graph, const BodyModel& body, int mostEdges)
         for (size_t other = 0; other < kJoints; ++other)
             for (size_t v = 0; hangsOn(body, other, joint) && v < vertices; ++v)
                 if (body.weights[v * kJoints + other] != 0) reach(v);
-        Tiles tiles(lists_.tileCount());
+        Marks marks(lists_.count());
         for (size_t edges = 0, marked = 0, end = reached.size(); edges <= mostEdges_; ++edges) {
-            for (size_t i = marked; i < end; ++i) tiles[size_t(reached[i]) / kRowTile] = 1;
+            for (size_t i = marked; i < end; ++i) marks[size_t(reached[i]) / kRowsListed] = 1;
             reach_.resize(joint + 1);
-            reach_.back().push_back(tiles);
+            reach_.back().push_back(marks);
             for (size_t i = marked; i < end; ++i)
                 for (int32_t n = near.begin[size_t(reached[i])];
                      n < near.begin[size_t(reached[i]) + 1]; ++n)
@@ -53,18 +53,17 @@ void MovedRows::write(std::span<const float> theta, std::span<const float> trans
     auto differs = [](std::span<const float> a, std::span<const float> b) {
         return !std::ranges::equal(a, b);
     };
-    std::vector<Tiles> wanted(mostEdges_ + 2, Tiles(lists_.tileCount(), last_ ? 0 : 1));
+    std::vector<Marks> wanted(mostEdges_ + 2, Marks(lists_.count(), last_ ? 0 : 1));
     bool turned = false;
     for (size_t joint = 1; joint < kJoints && last_; ++joint) {
         if (!differs(theta.subspan(3 * joint, 3), std::span(last_->theta).subspan(3 * joint, 3)))
             continue;
         turned = true;
         for (size_t edges = 0; edges <= mostEdges_; ++edges)
-            for (size_t tile = 0; tile < lists_.tileCount(); ++tile)
-                wanted[edges][tile] |= reach_[joint][edges][tile];
+            for (size_t i = 0; i < lists_.count(); ++i) wanted[edges][i] |= reach_[joint][edges][i];
     }
     if (turned && blends_)
-        for (Tiles& tiles : wanted) std::ranges::fill(tiles, uint8_t{1});
+        for (Marks& marks : wanted) std::ranges::fill(marks, uint8_t{1});
     bool placed = !last_ || differs(trans, last_->trans) ||
                   differs(theta.first(3), std::span(last_->theta).first(3));
     if (placed)

@@ -19,9 +19,9 @@ public:
     MovedRows(Graph& graph, const BodyModel& body, int mostEdges);
 
     // Rows of vertices within so many edges of those that skinning moves in the body's own frame.
-    const RowTiles& within(int edges) const { return lists_[static_cast<size_t>(edges)]; }
+    const ListedRows& within(int edges) const { return lists_[static_cast<size_t>(edges)]; }
     // Those within mostEdges, or all where the body turns or moves as a whole.
-    const RowTiles& placed() const { return lists_[mostEdges_ + 1]; }
+    const ListedRows& placed() const { return lists_[mostEdges_ + 1]; }
 
     // Lists for the next replay what differs from the last one's; theta [72], trans [3].
     void write(std::span<const float> theta, std::span<const float> trans);
@@ -29,7 +29,7 @@ public:
     void forget() { last_.reset(); }
 
 private:
-    using Tiles = std::vector<uint8_t>;  // not 0 where there is such a row
+    using Marks = std::vector<uint8_t>;  // not 0 where one of kRowsListed rows is meant
     struct Pose {
         std::vector<float> theta, trans;
     };
@@ -37,7 +37,7 @@ private:
     RowLists lists_;
     size_t mostEdges_;
     bool blends_;                            // pose blend shapes: every joint moves every vertex
-    std::vector<std::vector<Tiles>> reach_;  // [24][mostEdges + 1] of what a joint's turn moves
+    std::vector<std::vector<Marks>> reach_;  // [24][mostEdges + 1] of what a joint's turn moves
     std::optional<Pose> last_;
 };
 

@@ -1,4 +1,4 @@
-// Ops on some rows of tensors [V,…]: tiles of kRowTile rows that the host lists before a replay.
+// Ops on some rows of tensors [V,…], which the host lists before a replay, kRowsListed at a time.
 // The other rows keep what earlier replays left there, which holds as long as nothing that they
 // depend on has changed since.
 #pragma once
@@ -9,20 +9,19 @@
 #include <span>
 #include <vector>
 
+#include "common/rows.h"
 #include "nn/graph.h"
 
 namespace doppel {
 
-constexpr uint32_t kRowTile = 32;
-
 // Which rows an op computes; empty: all of them. The op keeps its result (Graph::keep).
-class RowTiles {
+class ListedRows {
 public:
     explicit operator bool() const { return static_cast<bool>(control_); }
-    // What a kernel takes as `tiles` (shaders/common/rows.glsl).
+    // What a kernel takes as `listed` (shaders/common/rows.glsl).
     Tensor list(Graph& graph) const;
-    // [3], of an indirect dispatch: a workgroup in x for every so many tiles (1, 2, 4 or 8).
-    Tensor groups(uint32_t tilesEach, uint32_t y = 1, uint32_t z = 1) const;
+    // [3], of an indirect dispatch: a workgroup in x for every so many of the list (64 at most).
+    Tensor groups(uint32_t each, uint32_t y = 1, uint32_t z = 1) const;
 
 private:
     friend class RowLists;
@@ -36,30 +35,32 @@ class RowLists {
 public:
     RowLists(Graph& graph, int64_t rows, size_t lists);
 
-    const RowTiles& operator[](size_t list) const { return lists_.at(list); }
-    size_t tileCount() const { return tiles_; }
-    // wanted: for each list tileCount() numbers, not 0 where the tile is to be computed.
+    const ListedRows& operator[](size_t list) const { return lists_.at(list); }
+    // Times kRowsListed: all rows.
+    size_t count() const { return count_; }
+    // wanted: for each list count() numbers, not 0 where those rows are to be computed.
     void write(std::span<const std::vector<uint8_t>> wanted);
 
 private:
     Graph& graph_;
-    size_t tiles_;
+    size_t count_;
     Tensor control_;
-    std::vector<RowTiles> lists_;
+    std::vector<ListedRows> lists_;
     std::vector<int32_t> values_;
 };
 
-// Adds a dispatch of `invocations`, or, of these, of perTile for each listed tile.
+// Adds a dispatch of `invocations`, or, of these, of perListed for each kRowsListed listed rows.
 template <typename Params>
-void dispatchRows(Graph& graph, const char* kernel, const RowTiles& rows,
+void dispatchRows(Graph& graph, const char* kernel, const ListedRows& rows,
                   std::initializer_list<Argument> arguments, const Params& params,
-                  uint64_t invocations, uint32_t perTile = kRowTile, Specialisation spec = {}) {
+                  uint64_t invocations, uint32_t perListed = kRowsListed,
+                  Specialisation spec = {}) {
     if (!rows) return graph.dispatch(kernel, arguments, params, invocations, spec);
     constexpr uint32_t kMostInvocations = 512;  // of a workgroup, on devices that take rows
     uint32_t each = 1;
-    while (each < 8 && 2 * each * perTile <= kMostInvocations) each *= 2;
-    spec["local_size"] = each * perTile;
-    spec["kTileInvocations"] = perTile;
+    while (each < 64 && 2 * each * perListed <= kMostInvocations) each *= 2;
+    spec["local_size"] = each * perListed;
+    spec["kListedInvocations"] = perListed;
     graph.dispatchIndirect(kernel, arguments, params, rows.groups(each), spec);
 }
 

@@ -17,7 +17,7 @@ BUFFER(8, readonly, vec3, sums);       // [4,3] the same over all chunks
 BUFFER(9, writeonly, vec3, drotation); // [3]
 BUFFER(10, writeonly, vec3, dpivot);   // [3]
 BUFFER(11, writeonly, vec3, dtrans);   // [3]
-ROW_TILES(12)
+LISTED_ROWS(12)
 
 // y = R (verts - pivot) + pivot + trans
 ENTRY(forward) {

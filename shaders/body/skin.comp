@@ -20,7 +20,7 @@ BUFFER(10, readwrite, vec4, partial);     // [chunks,3,4] of dtransforms
 BUFFER(11, readonly, int, jointChunks);   // [25] each joint's chunks
 BUFFER(12, writeonly, vec4, dtransforms); // [24,3,4]
 BUFFER(13, readonly, uint64_t, transformPairs);  // the transforms, half a row at a time
-ROW_TILES(6)  // there is no place left but one that forward does not use
+LISTED_ROWS(6)  // there is no place left but one that forward does not use
 
 // verts = sum of weight * transform, applied to posed, + trans
 ENTRY(forward) {

@@ -10,6 +10,7 @@
 // A and B are read as they lie, transposed, or in panels: what a tile needs of A (kRows rows) or B
 // (its columns), step of k by step of k, without gaps. Rows that are a power of two apart fall into
 // the same few lines of a CPU's cache; panels do not.
+#include "common/rows.h"
 #include "linalg/half_scale.glsl"
 #include "linalg/params.h"
 
@@ -30,7 +31,7 @@ BUFFER(LARGEST, readonly, uint, largest);  // [1], see kScaled
 TEXELS(4, aQuads);                         // the same memory
 TEXELS(5, bQuads);
 BUFFER(6, readwrite, uint64_t, cPairs);
-BUFFER(8, readonly, uint, tiles);  // [workgroups], see kListed
+BUFFER(8, readonly, uint, listed);  // see kListed
 #endif
 
 layout(constant_id = 1) const uint kRows = 8;  // a multiple of 8
@@ -49,7 +50,7 @@ layout(constant_id = 11) const bool kRelu = false;
 // A and B are panels of halves, two to a word; A or B was multiplied by halfScale(largest).
 layout(constant_id = 12) const bool kHalves = false;
 layout(constant_id = 13) const bool kScaled = false;
-// Not all tiles of rows, but those that a list names.
+// A's panels have not all rows, but those that a list names (common/rows.glsl).
 layout(constant_id = 14) const bool kListed = false;
 
 // Steps of k in the loop's body: a loop's sums pass through masks on lavapipe at every turn. Of
@@ -114,9 +115,6 @@ void gemmTile() {
 #endif
     uint m = params.m, n = params.n, ldb = params.ldb;
     uint tile = gl_WorkGroupID.x;
-#if GEMM_TEXELS
-    if (kListed) tile = tiles.d[tile];
-#endif
     uint tileRow = tile * kRows, tileColumn = gl_WorkGroupID.y * 2 * kPairs * kLanes;
     uint part = gl_WorkGroupID.z / params.batch, matrix = gl_WorkGroupID.z % params.batch;
     uint baseA = params.startA + matrix * params.strideA;
@@ -209,6 +207,12 @@ void gemmTile() {
         }
     }
 
+#if GEMM_TEXELS
+    uint rowsListed[kRows / kRowsListed];
+    if (kListed)
+        [[unroll]] for (uint i = 0; i < kRows / kRowsListed; ++i)
+            rowsListed[i] = listed.d[tile * (kRows / kRowsListed) + i] * kRowsListed;
+#endif
     float scale = 1;
     if (kScaled) scale = 1 / halfScale(largest.d[0]);
     uint baseC = params.startC + part * params.batch * params.m * params.n + matrix * params.strideC;
@@ -216,7 +220,11 @@ void gemmTile() {
         if (column[j] >= n) continue;
         bool both = column[j] + 1 < n;
         [[unroll]] for (uint i = 0; i < kRows; ++i) {
-            uint r = tileRow + i, at = baseC + r * params.ldc + column[j];
+            uint r = tileRow + i;
+#if GEMM_TEXELS
+            if (kListed) r = rowsListed[i / kRowsListed] + i % kRowsListed;
+#endif
+            uint at = baseC + r * params.ldc + column[j];
             if (r < m) {
                 vec2 v = sum[i][j];
                 if (kScaled) v *= scale;

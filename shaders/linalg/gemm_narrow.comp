@@ -14,7 +14,7 @@ TEXELS(0, a);
 TEXELS(1, b);
 BUFFER(2, writeonly, float, c);
 BUFFER(3, readonly, float, bias);  // [kColumns]
-ROW_TILES(4)
+LISTED_ROWS(4)
 
 layout(constant_id = 1) const uint kLanes = 8;
 layout(constant_id = 2) const uint kColumns = 3;

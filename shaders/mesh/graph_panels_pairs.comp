@@ -12,8 +12,8 @@ PARAMS(GraphPanelsParams, 5)
 TEXELS(0, x);                              // [V,row]
 BUFFER(1, readonly, int, neighbourBegin);  // [V+1]
 BUFFER(2, readonly, int, neighbours);      // [2E]
-BUFFER(3, writeonly, uint64_t, panels);    // [ceil(V/kRows), 2 H, kRows]
-ROW_TILES(4)
+BUFFER(3, writeonly, uint64_t, panels);    // [ceil(V/kRows), 2 H, kRows] of all or listed rows
+LISTED_ROWS(4)
 
 layout(constant_id = 1) const uint kRows = 8;
 layout(constant_id = 2) const uint kColumns = 4;  // of an invocation; a multiple of 4
@@ -24,6 +24,8 @@ ENTRY(gather) {
     uint v = quotient(i, params.byPieces), column = remainder(i, v, params.byPieces) * kColumns;
     v *= 2;
     if (v >= params.vertices) return;
+    // Panels have the listed rows one after the other.
+    uint place = kListedInvocations == 0 ? v : 2 * quotient(linearIndex(), params.byPieces);
     vec4 own[2][kColumns / 4], sum[2][kColumns / 4];
     [[unroll]] for (uint t = 0; t < 2; ++t) {
         uint vertex = min(v + t, params.vertices - 1), at = (vertex * params.row + column) / 4;
@@ -45,7 +47,7 @@ ENTRY(gather) {
             }
         }
     }
-    uint to = v / kRows * (2 * H * kRows) + v % kRows + column * kRows;
+    uint to = place / kRows * (2 * H * kRows) + place % kRows + column * kRows;
     [[unroll]] for (uint k = 0; k < kColumns; ++k) {
         panels.d[(to + k * kRows) / 2] = packPair(vec2(own[0][k / 4][k % 4], own[1][k / 4][k % 4]));
         panels.d[(to + (H + k) * kRows) / 2] =

@@ -12,7 +12,7 @@ BUFFER(4, readwrite, float, scales);     // [V] 1 / max(length of the sum, epsil
 BUFFER(5, readonly, vec3, y);            // [V,3] the normals again
 BUFFER(6, readonly, vec3, dy);           // [V,3]
 BUFFER(7, readwrite, vec3, dsums);       // [V,3] gradient of the unnormalised sum
-ROW_TILES(8)
+LISTED_ROWS(8)
 
 ENTRY(forward) {
     uint v = listedIndex();

@@ -10,7 +10,7 @@ BUFFER(2, readonly, float, limit);    // [V] 0 or more
 BUFFER(3, writeonly, vec3, y);        // [V,3]
 BUFFER(4, readonly, vec3, dy);        // [V,3]
 BUFFER(5, writeonly, vec3, doffset);  // [V,3]
-ROW_TILES(6)
+LISTED_ROWS(6)
 
 ENTRY(forward) {
     uint v = listedIndex();

@@ -11,7 +11,7 @@ BUFFER(2, writeonly, float, y);     // [V,row] O features, tail, zeros
 BUFFER(3, readonly, float, dy);     // [V,row]
 BUFFER(4, writeonly, float, dx);    // [V,xRow]
 BUFFER(5, writeonly, float, dtail); // [V,3]
-ROW_TILES(6)
+LISTED_ROWS(6)
 
 // What follows the features, one invocation per vertex.
 ENTRY(append) {
