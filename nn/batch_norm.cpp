@@ -194,14 +194,26 @@ struct BatchNormLayer {
         }
         Tensor partial = byBlocks ? graph.temporary({channels, images * chunks, 2})
                                   : graph.temporary({2, channels, int64_t{params.threads}});
-        pass(graph, Pass::Sum, "sum_gradients",
-             {{"x", x},
-              {"dy", dy},
-              {"mean", mean},
-              {"deviation", deviation},
-              {"weight", weight},
-              {"bias", bias},
-              {"partial", partial}});
+        const bool atOnce = byBlocks && !training && graph.wantsGradient(x);
+        if (atOnce)
+            pass(graph, Pass::Elements, "gradients",
+                 {{"x", x},
+                  {"dy", dy},
+                  {"mean", mean},
+                  {"deviation", deviation},
+                  {"weight", weight},
+                  {"bias", bias},
+                  {"partial", partial},
+                  {"y", graph.gradientTarget(x)}});
+        else
+            pass(graph, Pass::Sum, "sum_gradients",
+                 {{"x", x},
+                  {"dy", dy},
+                  {"mean", mean},
+                  {"deviation", deviation},
+                  {"weight", weight},
+                  {"bias", bias},
+                  {"partial", partial}});
         if (byBlocks)
             join(graph, "conv/batch_norm_chunks.parameters",
                  {{"sums", partial}, {"dweight", dweight}, {"dbias", dbias}});
@@ -209,7 +221,7 @@ struct BatchNormLayer {
             graph.dispatch("conv/batch_norm_backward.parameters",
                            {{"sums", partial}, {"dweight", dweight}, {"dbias", dbias}}, params,
                            uint64_t(channels));
-        if (!graph.wantsGradient(x)) return;
+        if (atOnce || !graph.wantsGradient(x)) return;
         pass(graph, Pass::Elements, "input_gradient",
              {{"x", x},
               {"dy", dy},
@@ -220,7 +232,7 @@ struct BatchNormLayer {
               {"dweight", dweight},
               {"dbias", dbias},
               {"y", graph.gradientTarget(x)}},
-             spec);
+             byBlocks ? Specialisation() : spec);
     }
 };
 

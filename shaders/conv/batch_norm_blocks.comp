@@ -17,8 +17,6 @@ BUFFER(7, readonly, float, bias);         // [channels]
 BUFFER(8, readonly, float, dweight);      // [channels]
 BUFFER(9, readonly, float, dbias);        // [channels]
 
-layout(constant_id = 2) const bool kTraining = true;  // mean and deviation are x's own
-
 struct Chunk {
     uint channel, block;  // the same in all lanes
     uint pair;            // this invocation's first
@@ -76,6 +74,8 @@ ENTRY(normalise) {
 }
 
 // Of each chunk the sums of dy (before the leaky ReLU) and of it times the normalised x.
+//
+// gradients() has dx as well, which these do not enter where mean and deviation are not x's own.
 ENTRY(sum_gradients) {
     Chunk chunk = thisChunk();
     uint c = chunk.channel;
@@ -91,13 +91,29 @@ ENTRY(sum_gradients) {
     writePartial(chunk, vec2(sumOfLanes(total), sumOfLanes(product)));
 }
 
+ENTRY(gradients) {
+    Chunk chunk = thisChunk();
+    uint c = chunk.channel;
+    float middle = mean.d[c], scale = deviation.d[c], slope = params.slope;
+    float w = weight.d[c], shift = bias.d[c];
+    vec2 total = vec2(0), product = vec2(0);
+    [[unroll]] for (uint e = 0; e < kPlaces; ++e) {
+        vec2 normalised = (CHUNK_PAIR(x, chunk, e) - middle) * scale;
+        vec2 g = rectified(CHUNK_PAIR(dy, chunk, e), normalised * w + shift, slope);
+        total += g;
+        product += g * normalised;
+        y.d[chunk.pair + e * kLanes] = packPair(w * scale * g);
+    }
+    writePartial(chunk, vec2(sumOfLanes(total), sumOfLanes(product)));
+}
+
+// Of x whose own mean and deviation are taken.
 ENTRY(input_gradient) {
     Chunk chunk = thisChunk();
     uint c = chunk.channel;
     float middle = mean.d[c], scale = deviation.d[c], slope = params.slope;
     float w = weight.d[c], shift = bias.d[c], all = params.all;
-    float meanG = kTraining ? dbias.d[c] * all : 0;
-    float meanProduct = kTraining ? dweight.d[c] * all : 0;
+    float meanG = dbias.d[c] * all, meanProduct = dweight.d[c] * all;
     [[unroll]] for (uint e = 0; e < kPlaces; ++e) {
         vec2 normalised = (CHUNK_PAIR(x, chunk, e) - middle) * scale;
         vec2 g = rectified(CHUNK_PAIR(dy, chunk, e), normalised * w + shift, slope);
