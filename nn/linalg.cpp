@@ -85,9 +85,9 @@ struct Source {
     Tensor tensor;
     int64_t start, batch, strideMatrix, count, strideItem, strideStep;
 };
-// halves: rounded, two to an element, and, with largest, scaled.
+// halves: rounded, two to an element, and, with largest, scaled. interleaved: kGemmInterleaved.
 Tensor pack(Graph& graph, const Source& s, int64_t steps, int64_t stepsInPanel, uint32_t width,
-            bool halves = false, const Tensor& largest = {}) {
+            bool halves = false, const Tensor& largest = {}, bool interleaved = false) {
     int64_t panels = ceilDiv(s.count, width);
     Tensor packed = graph.temporary({s.batch, panels, stepsInPanel, halves ? width / 2 : width});
     PanelsParams params{.count = u32(s.count),
@@ -104,15 +104,18 @@ Tensor pack(Graph& graph, const Source& s, int64_t steps, int64_t stepsInPanel, 
     if (s.strideStep == 1 && divisible(2, {s.start, s.strideMatrix, s.strideItem, steps}))
         pairs = 2;
     int64_t invocations = ceilDiv(stepsInPanel, 4) * (width / 2);
-    graph.dispatchGroups(
-        "linalg/panels.pack",
-        {{"matrix", s.tensor},
-         {"pairs", s.tensor},
-         {"packed", packed},
-         {"halves", packed},
-         {"largest", largest ? largest : graph.none()}},
-        params, {u32(ceilDiv(invocations, 64)), u32(panels), u32(s.batch)},
-        {{"kWidth", width}, {"kPairs", pairs}, {"kHalves", halves}, {"kScaled", bool(largest)}});
+    graph.dispatchGroups("linalg/panels.pack",
+                         {{"matrix", s.tensor},
+                          {"pairs", s.tensor},
+                          {"packed", packed},
+                          {"halves", packed},
+                          {"largest", largest ? largest : graph.none()}},
+                         params, {u32(ceilDiv(invocations, 64)), u32(panels), u32(s.batch)},
+                         {{"kWidth", width},
+                          {"kPairs", pairs},
+                          {"kHalves", halves},
+                          {"kScaled", bool(largest)},
+                          {"kInterleaved", interleaved}});
     return packed;
 }
 
@@ -257,7 +260,9 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
     if (g.panelsA) g.lda = gemmPanelSteps(g.k) * p.rows;
     if (g.panelsB) g.ldb = g.k * p.columns();
     int64_t stepsA = p.halves ? halfPanelSteps(g.k) : gemmPanelSteps(g.k);
-    int64_t stepsB = p.halves ? stepsA : g.k;
+    // A tile of few columns takes two steps of them from a texel.
+    const bool interleaved = p.onCpu && p.panelsB && !p.halves && !g.panelsB && p.pairs == 1;
+    int64_t stepsB = p.halves ? stepsA : interleaved ? ceilDiv(g.k, 2) * 2 : g.k;
     if (p.panelsA && g.k > 0) {
         int64_t matrices = g.strideA == 0 ? 1 : g.batch;
         Source source{
@@ -277,8 +282,9 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
         if (g.panelsB)
             source = {b, 0,          matrices * ceilDiv(g.n, p.columns()), g.ldb, p.columns(),
                       1, p.columns()};
-        right = pack(graph, source, g.k, stepsB, u32(p.columns()), p.halves, g.largestB);
-        layoutB = kGemmPanels;
+        right =
+            pack(graph, source, g.k, stepsB, u32(p.columns()), p.halves, g.largestB, interleaved);
+        layoutB = interleaved ? kGemmInterleaved : kGemmPanels;
         g.startB = 0;
         g.ldb = stepsB * p.columns();
         if (matrices > 1) g.strideB = ceilDiv(g.n, p.columns()) * g.ldb;
@@ -335,7 +341,7 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
         spec["kQuadA"] =
             !p.halves && (layoutA == kGemmPanels || divisible(4, {g.lda, g.startA, g.strideA}));
         spec["kQuadB"] =
-            !p.halves && (layoutB == kGemmPanels ||
+            !p.halves && (layoutB >= kGemmPanels ||
                           divisible(4, {g.ldb, g.startB, g.strideB, g.transB ? g.k : 0}));
         spec["kEvenC"] = divisible(2, {g.ldc, g.startC, g.strideC, g.n, split ? strideCPart : 0});
         spec["kListed"] = listed;

@@ -49,6 +49,7 @@ TEST(Linalg, MatmulPrime) { checkMatmul(1, 127, 3, 131); }
 TEST(Linalg, MatmulPanels) {
     checkMatmul(2, 66, 258, 10);
     checkMatmul(1, 65, 67, 5);
+    checkMatmul(1, 516, 14, 11);  // two steps of B in a texel
 }
 // Few results, long sums: cut into parts.
 TEST(Linalg, MatmulLong) { checkMatmul(2, 5, 6, 4099); }

@@ -37,7 +37,7 @@ BUFFER(8, readonly, uint, listed);  // see kListed
 layout(constant_id = 1) const uint kRows = 8;  // a multiple of 8
 layout(constant_id = 2) const uint kPairs = 2;
 layout(constant_id = 3) const uint kLayoutA = 0;  // kGemmRows, kGemmTransposed, kGemmPanels
-layout(constant_id = 4) const uint kLayoutB = 0;
+layout(constant_id = 4) const uint kLayoutB = 0;  // or kGemmInterleaved, where kPairs is 1
 layout(constant_id = 5) const bool kAccumulate = false;
 layout(constant_id = 6) const uint kBias = 0;  // 1: one per column, 2: one per row
 // Whether texels of A and B start at elements divisible by four and none is cut by the end of k
@@ -142,11 +142,12 @@ void gemmTile() {
         }
         [[unroll]] for (uint i = 0; i < kRows; ++i) sum[i][j] = vec2(0);
     }
-    uint stepB = kLayoutB == kGemmPanels ? 2 * kPairs * kLanes : ldb;
+    uint stepB = kLayoutB >= kGemmPanels ? 2 * kPairs * kLanes : ldb;
 #if GEMM_TEXELS
-    // Of B's rows and panels a lane has a texel's columns (kPairs = 2), or half of one's.
-    uint quadB = baseB + (kLayoutB == kGemmPanels ? gl_WorkGroupID.y * params.ldb : tileColumn) +
-                 2 * kPairs * lane;
+    // Of B's rows and panels a lane has a texel's columns (kPairs = 2), or half of one's, or two
+    // steps'.
+    uint quadB = baseB + (kLayoutB >= kGemmPanels ? gl_WorkGroupID.y * params.ldb : tileColumn) +
+                 (kLayoutB == kGemmInterleaved ? 4 : 2 * kPairs) * lane;
     bool upperHalf = quadB % 4 != 0;
 #endif
 
@@ -171,6 +172,13 @@ void gemmTile() {
                     vec4 right = texelFetch(bQuads, int((nextB[j] + at) / 4));
                     [[unroll]] for (uint s = 0; s < kSteps; ++s)
                         ofB[s][j] = vec2(left[s], right[s]);
+                }
+            } else if (kLayoutB == kGemmInterleaved) {
+                [[unroll]] for (uint s = 0; s < kSteps; s += 2) {
+                    uint at = quadB + min(k + u + s, (end - 1) / 2 * 2) * stepB;
+                    vec4 v = texelFetch(bQuads, int(at / 4));
+                    ofB[s][0] = v.xy;
+                    ofB[s + 1][0] = v.zw;
                 }
             } else if (kQuadB && kPairs <= 2) {
                 [[unroll]] for (uint s = 0; s < kSteps; ++s) {

@@ -17,6 +17,7 @@ layout(constant_id = 2) const uint kPairs = 0;  // 0: none, 1: items, 2: steps
 
 layout(constant_id = 3) const bool kHalves = false;
 layout(constant_id = 4) const bool kScaled = false;  // times halfScale(largest)
+layout(constant_id = 5) const bool kInterleaved = false;  // see kGemmInterleaved
 
 const uint kSteps = 4;  // of an invocation, by two items
 
@@ -65,6 +66,8 @@ ENTRY(pack) {
         if (step + s < stepsInPanel) {
             vec2 inside = mix(vec2(0), v[s], items);
             uint at = (panel * stepsInPanel + step + s) * kWidth + within;
+            if (kInterleaved)
+                at = (panel * stepsInPanel + step + s / 2 * 2) * kWidth + 2 * within + s % 2 * 2;
             vec2 value = step + s < steps ? inside : vec2(0);
             if (kHalves) {
                 if (kScaled) value *= scale;

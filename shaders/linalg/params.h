@@ -10,6 +10,8 @@ SHARED_BEGIN
 #endif
 // How a matrix lies in memory.
 SHARED_CONSTANT uint kGemmRows = 0, kGemmTransposed = 1, kGemmPanels = 2;
+// Panels, pairs of a step and of the next by turns: a texel has two steps of two columns.
+SHARED_CONSTANT uint kGemmInterleaved = 3;
 SHARED_CONSTANT uint kGemmUnroll = 8;  // parts and panels have a multiple of so many steps of k
 // A workgroup on matrix units makes so many by so many of the device's matrices.
 SHARED_CONSTANT uint kMatrixFragments = 4;
