@@ -713,6 +713,21 @@ TEST_F(ViewerTest, DrawsWhatRenderDraws) {
     }
 }
 
+// The window's driver has settings of its own (Window::avoidWideVectors), the networks' keeps its.
+TEST_F(ViewerTest, NetworksKeepWideVectors) {
+    auto setting = [](const char* name) {
+        const char* value = getenv(name);
+        return std::string(value ? value : "");
+    };
+    std::string driver = setting("VK_DRIVER_FILES");
+    if (setting("LP_NATIVE_VECTOR_WIDTH") != "512")
+        GTEST_SKIP() << "vectors of 512 bits are not asked for, or without a driver for windows";
+    open();
+    EXPECT_EQ(setting("VK_DRIVER_FILES"), driver);
+    EXPECT_EQ(setting("LP_NATIVE_VECTOR_WIDTH"), "512");
+    EXPECT_EQ(Device().info().subgroupSize, 16u);
+}
+
 // While a limb moves, the rest of the picture stays as it was drawn.
 TEST_F(ViewerTest, DrawsAgainOnlyWhereSomethingMoved) {
     Device device;

@@ -77,7 +77,15 @@ bool hasWideVectors() {
     const char* width = std::getenv(kVectorWidth);
     return width && std::string_view(width) == "512";
 }
-const char* ownDriver() { return std::getenv("DOPPEL_WINDOW_DRIVER"); }
+// The manifest of the driver's copy for windows; empty: there is none.
+std::string ownDriver() {
+    const char* driver = std::getenv("VK_DRIVER_FILES");
+    if (!driver) return {};
+    std::filesystem::path manifest = driver;
+    manifest = manifest.parent_path() / "window" / manifest.filename();
+    std::error_code ignored;
+    return std::filesystem::is_regular_file(manifest, ignored) ? manifest.string() : std::string();
+}
 
 }  // namespace
 
@@ -140,7 +148,7 @@ struct Window::Parts {
 };
 
 void Window::avoidWideVectors() {
-    if (hasWideVectors() && !ownDriver()) setenv(kVectorWidth, kNarrow, 1);
+    if (hasWideVectors() && ownDriver().empty()) setenv(kVectorWidth, kNarrow, 1);
 }
 
 void Window::Parts::openWindow(const WindowOptions& options) {
@@ -180,8 +188,8 @@ void Window::Parts::makeSurface() {
 
 void Window::Parts::openDevice(const std::string& wanted) {
     std::optional<Setting> driver, width;
-    if (hasWideVectors() && ownDriver()) {
-        driver.emplace("VK_DRIVER_FILES", ownDriver());
+    if (std::string own = ownDriver(); hasWideVectors() && !own.empty()) {
+        driver.emplace("VK_DRIVER_FILES", own.c_str());
         width.emplace(kVectorWidth, kNarrow);
     }
     uint32_t count = 0;
