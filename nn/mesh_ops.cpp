@@ -41,7 +41,8 @@ Tensor graphPanels(Graph& graph, const Tensor& x, const AdjacencyTensors& adjace
                              divisorOf(uint64_t(H))};
     Specialisation spec{{"kRows", static_cast<uint32_t>(rows)}};
     if (loadsTexels(graph.device()) && w.row % 4 == 0) {
-        int64_t columns = 16;
+        // Each piece of a vertex's columns reads the list of its neighbours for itself.
+        int64_t columns = 44;
         while (H % columns != 0) columns -= 4;
         params.byPieces = divisorOf(uint64_t(H / columns));
         spec["kColumns"] = static_cast<uint32_t>(columns);

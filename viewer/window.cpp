@@ -190,6 +190,7 @@ void Window::Parts::openDevice(const std::string& wanted) {
     std::optional<Setting> driver, width;
     if (std::string own = ownDriver(); hasWideVectors() && !own.empty()) {
         driver.emplace("VK_DRIVER_FILES", own.c_str());
+        // The copy does not ask for it, but what it compiles has a folder by it (createInstance).
         width.emplace(kVectorWidth, kNarrow);
     }
     uint32_t count = 0;

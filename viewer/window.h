@@ -34,10 +34,10 @@ struct WindowOptions {
 class Window {
 public:
     // Mesa 25's lavapipe crashes when it compiles a fragment shader for vectors of 512 bits, which
-    // its compute shaders like best, and a driver's settings are read once, for its first device.
-    // Where a folder "window" beside the manifest that VK_DRIVER_FILES names has another manifest,
-    // of a copy of the driver (scripts/setup makes one), that one draws the window, with 256 bits.
-    // Without, all of the process has these: so this comes before its first device.
+    // its compute shaders like best, and all of a process has the same. Where a folder "window"
+    // beside the manifest that VK_DRIVER_FILES names has another manifest, of a copy of the driver
+    // that keeps to 256 bits (scripts/setup makes one), that one draws the window. Without, the
+    // whole process goes back to them: so this comes before its first device.
     static void avoidWideVectors();
     // Calls that too. MachineError where there is no screen, or no device that can present on it.
     explicit Window(const WindowOptions& options);
