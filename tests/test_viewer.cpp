@@ -298,6 +298,15 @@ TEST_F(ViewerTest, OrbitingKeepsTheTargetCentred) {
     screen_->click(5);
     settle();
     EXPECT_NEAR(viewer.camera().distance, distance, 1e-9);
+    // A touchpad scrolls sideways as well.
+    glm::dvec3 target = viewer.camera().target;
+    screen_->click(6);
+    settle();
+    EXPECT_GT(glm::distance(viewer.camera().target, target), 0.01);
+    screen_->click(7);
+    settle();
+    EXPECT_NEAR(glm::distance(viewer.camera().target, target), 0, 1e-9);
+    EXPECT_NEAR(viewer.camera().distance, distance, 1e-9);
 }
 
 TEST_F(ViewerTest, KeysLookFromTheSides) {
