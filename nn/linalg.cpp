@@ -46,6 +46,15 @@ bool runsOnCpu(const Device& device) {
     return loadsTexels(device) && 16 % std::max(1u, device.info().subgroupSize) == 0;
 }
 
+// Each tile of rows reads a tile of columns' part of B again, which a CPU should find in its cache
+// then. A part is a pass over C, so that many parts pay only where C is small beside B.
+int64_t partsForCache(const Gemm& g, const Plan& p) {
+    constexpr int64_t kCached = 128 << 10;  // numbers
+    if (g.m < 4 * p.rows) return 1;
+    int64_t wanted = ceilDiv(g.k * std::min(g.n, p.columns()), kCached);
+    return std::clamp<int64_t>(g.k / (4 * g.m), 1, wanted);
+}
+
 Plan plan(const Device& device, const Gemm& g) {
     const GemmTuning& tuning = gemmTuning(device);
     Plan p;
@@ -73,6 +82,7 @@ Plan plan(const Device& device, const Gemm& g) {
     int64_t tiles = ceilDiv(g.m, p.rows) * ceilDiv(g.n, p.columns()) * g.batch;
     p.parts =
         std::max<int64_t>(1, std::min(ceilDiv(tuning.tiles, tiles), g.k / tuning.shortestPart));
+    if (p.onCpu) p.parts = std::max(p.parts, partsForCache(g, p));
     int64_t kPart = ceilDiv(g.k, p.parts);
     p.kPart = p.halves ? std::max(kHalfSteps, halfPanelSteps(kPart))
                        : std::max<int64_t>(kGemmUnroll, gemmPanelSteps(kPart));
@@ -238,8 +248,11 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
     CHECK(!g.bias || g.bias.elements() == (g.biasPerRow ? g.m : g.n), "bias fits the product");
 
     Plan p = plan(graph.device(), g);
+    if (g.sums)
+        CHECK(g.transA && g.batch == 1 && g.startA == 0 && g.lda == g.m, "A's sums are over rows");
     if (int64_t apart = columnsApart(g, p)) {
         Gemm wide = g, narrow = g;
+        wide.sums = {};
         wide.n = g.n - apart;
         narrow.n = apart;
         narrow.startB += wide.n * (g.transB ? g.ldb : 1);
@@ -251,6 +264,7 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
     const bool narrow = isNarrow(g, p);
     if (narrow && !g.transA) return narrowRows(graph, a, b, c, g, p);
     if (narrow) p.panelsA = p.panelsB = false;
+    if (g.sums && !narrow) sumAxis(graph, a, 1, g.k, g.m, g.sums);
     // A's panels have only the rows that are listed, so that C can have no others.
     const bool listed = g.rows && g.panelsA;
     CHECK(!listed || gemmTakesRows(graph.device()), "this product can leave rows out");
@@ -297,6 +311,7 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
         g.startC = 0;
         g.strideC = g.m * g.n;
     }
+    Tensor sums = !narrow || !g.sums ? graph.none() : split ? graph.temporary({p.parts, g.m}) : g.sums;
     int64_t strideCPart = g.batch * g.m * g.n;
     GemmParams params = gemmParams(g);
     params.kPart = u32(p.kPart);
@@ -331,12 +346,13 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
             groups, spec);
     } else if (narrow) {
         groups.x = u32(ceilDiv(g.m, int64_t{4} * p.lanes));
-        graph.dispatchGroups("linalg/gemm_narrow.columns", {{"a", a}, {"b", b}, {"c", out}}, params,
-                             groups,
+        graph.dispatchGroups("linalg/gemm_narrow.columns",
+                             {{"a", a}, {"b", b}, {"c", out}, {"sums", sums}}, params, groups,
                              {{"local_size", p.lanes},
                               {"kLanes", p.lanes},
                               {"kColumns", u32(g.n)},
-                              {"kTransB", false}});
+                              {"kTransB", false},
+                              {"kSums", bool(g.sums)}});
     } else if (p.onCpu) {
         spec["kQuadA"] =
             !p.halves && (layoutA == kGemmPanels || divisible(4, {g.lda, g.startA, g.strideA}));
@@ -373,6 +389,7 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
     graph.dispatch("linalg/gemm_reduce.sum", {{"partial", out}, {"c", c}, {"bias", bias}}, reduce,
                    static_cast<uint64_t>(strideCPart),
                    {{"kAccumulate", g.accumulate}, {"kBias", biasKind}, {"kRelu", g.relu}});
+    if (narrow && g.sums) sumAxis(graph, sums, 1, p.parts, g.m, g.sums);
 }
 
 Tensor largestMagnitude(Graph& graph, const Tensor& x) {
@@ -504,8 +521,14 @@ Tensor linear(Graph& graph, const Tensor& x, const Tensor& weight, const Tensor&
                  {.m = V, .n = I, .k = O, .largestA = largest});
         if (graph.wantsGradient(weight))
             gemm(graph, dy, x, graph.gradientTarget(weight),
-                 {.m = O, .n = I, .k = V, .transA = true, .largestA = largest});
-        if (graph.wantsGradient(bias)) sumAxis(graph, dy, 1, V, O, graph.gradientTarget(bias));
+                 {.m = O,
+                  .n = I,
+                  .k = V,
+                  .transA = true,
+                  .sums = graph.wantsGradient(bias) ? graph.gradientTarget(bias) : Tensor(),
+                  .largestA = largest});
+        else if (graph.wantsGradient(bias))
+            sumAxis(graph, dy, 1, V, O, graph.gradientTarget(bias));
     });
     return y;
 }

@@ -25,6 +25,8 @@ struct Gemm {
     Tensor bias;  // added to every row [n], or, biasPerRow, to every column [m]
     bool biasPerRow = false;
     bool relu = false;  // C = max(0, all of that)
+    // [m]: the sums of op(A) over k too, where A lies transposed in one packed matrix.
+    Tensor sums;
     // With mixed precision, from largestMagnitude(): of A or B, where it is made of gradients,
     // which may be too small for a half.
     Tensor largestA, largestB;

@@ -111,13 +111,13 @@ Tensor convolve(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency
                            {{"dy", dy}, {"dtail", graph.gradientTarget(tail)}}, params, vertices);
         // dz [V,2O]: what arrives at a vertex, and at its neighbours, for they are mutual.
         Tensor dz = graph.temporary({V, 2 * O});
-        bool pairs = loadsTexels(graph.device()) && O % kPairColumns == 0 && row % 2 == 0;
+        bool pairs = loadsTexels(graph.device()) && O % kPairColumns == 0 && row % 4 == 0;
         AggregateParams perVertex = params;
         perVertex.byRow = divisorOf(uint64_t(pairs ? O / kPairColumns : O));
         uint64_t invocations = uint64_t{vertices} * perVertex.byRow.divisor;
         graph.dispatch(pairs ? "mesh/aggregate_pairs.backward_own" : "mesh/aggregate.backward_own",
-                       {{"y", y}, {"dy", dy}, {"dz", dz}}, perVertex, invocations,
-                       {{"kRelu", relu}});
+                       {{pairs ? "yQuads" : "y", y}, {pairs ? "dyQuads" : "dy", dy}, {"dz", dz}},
+                       perVertex, invocations, {{"kRelu", relu}});
         if (pairs)
             graph.dispatch("mesh/aggregate_pairs.backward_neighbours",
                            {{"neighbourBegin", adjacency.begin},
@@ -141,8 +141,14 @@ Tensor convolve(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency
                  {.m = V, .n = weights.row, .k = 2 * O, .largestA = largest});
         if (graph.wantsGradient(weights.weight))
             gemm(graph, dz, x, graph.gradientTarget(weights.weight),
-                 {.m = 2 * O, .n = weights.row, .k = V, .transA = true, .largestA = largest});
-        if (graph.wantsGradient(weights.bias))
+                 {.m = 2 * O,
+                  .n = weights.row,
+                  .k = V,
+                  .transA = true,
+                  .sums = graph.wantsGradient(weights.bias) ? graph.gradientTarget(weights.bias)
+                                                            : Tensor(),
+                  .largestA = largest});
+        else if (graph.wantsGradient(weights.bias))
             sumAxis(graph, dz, 1, V, 2 * O, graph.gradientTarget(weights.bias));
     });
     return y;

@@ -9,17 +9,19 @@
 // C = op(A) op(B) of up to four columns, for drivers that run lanes as a CPU's vector: each lane has
 // rows of C of its own, and values of B are loaded by one lane each and handed out, as in gemm.glsl;
 // sums are in its order and have its bits. Matrices start at texels, and so do their rows.
-PARAMS(GemmParams, 5)
+PARAMS(GemmParams, 6)
 TEXELS(0, a);
 TEXELS(1, b);
 BUFFER(2, writeonly, float, c);
 BUFFER(3, readonly, float, bias);  // [kColumns]
 LISTED_ROWS(4)
+BUFFER(5, writeonly, float, sums);  // [parts, m], see kSums
 
 layout(constant_id = 1) const uint kLanes = 8;
 layout(constant_id = 2) const uint kColumns = 3;
 layout(constant_id = 3) const bool kBias = false;
 layout(constant_id = 4) const bool kTransB = true;  // B lies as [kColumns, k]
+layout(constant_id = 5) const bool kSums = false;   // of A's columns too
 // In the loop's body B has a texel for each step, or, transposed, for four steps of a column.
 const uint kQuads = kGemmUnroll / 4, kTexels = kTransB ? kColumns * kQuads : kGemmUnroll;
 const uint kLoads = (kTexels + kLanes - 1) / kLanes;
@@ -65,6 +67,7 @@ ENTRY(columns) {
     uint end = min(params.k, begin + params.kPart);
     uint start = params.startA + min(row, params.m - 4);
     vec4 sum[kColumns];
+    vec4 total = vec4(0);
     [[unroll]] for (uint j = 0; j < kColumns; ++j) sum[j] = vec4(0);
     for (uint k = begin; k < end; k += kGemmUnroll) {
         vec4 ofB[kLoads];
@@ -74,10 +77,13 @@ ENTRY(columns) {
             vec4 own = texelFetch(a, int((start + min(k + u, end - 1) * params.lda) / 4));
             if (k + u >= end) own = vec4(0);
             [[unroll]] for (uint j = 0; j < kColumns; ++j) sum[j] += own * valueB(ofB, u, j);
+            if (kSums) total += own;
         }
     }
     if (row >= params.m) return;
     uint to = params.startC + part * params.m * params.n;
     [[unroll]] for (uint i = 0; i < 4; ++i)
         [[unroll]] for (uint j = 0; j < kColumns; ++j) c.d[to + (row + i) * params.ldc + j] = sum[j][i];
+    if (!kSums) return;
+    [[unroll]] for (uint i = 0; i < 4; ++i) sums.d[part * params.m + row + i] = total[i];
 }

@@ -30,7 +30,7 @@ SHARED_END
 #ifdef __cplusplus
 namespace doppel {
 #endif
-const int kPairColumns = 16;           // columns per invocation of aggregate_pairs
+const int kPairColumns = 32;           // columns per invocation of aggregate_pairs
 const float kNormalEpsilon = 1e-6f; // m^2; see vertexNormals()
 #ifdef __cplusplus
 }
