@@ -181,6 +181,57 @@ void oneFeatureWeights(Graph& graph, const Windows& w, const Tensor& image, cons
     }
 }
 
+// ---- 1x1, stride 1 ------------------------------------------------------------------------------
+// A window is a pixel, and images are their own columns.
+
+bool seesPixels(const Windows& w) {
+    return w.kernelH == 1 && w.kernelW == 1 && w.stride == 1 && w.padding == 0;
+}
+
+void pixelMaps(Graph& graph, const Windows& w, const Tensor& image, const Tensor& weight,
+               const Tensor& bias, const Tensor& maps) {
+    gemm(graph, weight, image, maps,
+         {.m = w.features,
+          .n = w.pixels(),
+          .k = w.channels,
+          .batch = w.images,
+          .strideB = w.channels * w.pixels(),
+          .strideC = w.features * w.pixels(),
+          .bias = bias,
+          .biasPerRow = true,
+          .largestB = w.largestImage});
+}
+
+void pixelImage(Graph& graph, const Windows& w, const Tensor& maps, const Tensor& weight,
+                const Tensor& bias, const Tensor& image) {
+    gemm(graph, weight, maps, image,
+         {.m = w.channels,
+          .n = w.pixels(),
+          .k = w.features,
+          .transA = true,
+          .batch = w.images,
+          .strideB = w.features * w.pixels(),
+          .strideC = w.channels * w.pixels(),
+          .bias = bias,
+          .biasPerRow = true,
+          .largestB = w.largestMaps});
+}
+
+void pixelWeights(Graph& graph, const Windows& w, const Tensor& image, const Tensor& maps,
+                  const Tensor& dweight) {
+    for (int64_t n = 0; n < w.images; ++n)
+        gemm(graph, maps, image, dweight,
+             {.m = w.features,
+              .n = w.channels,
+              .k = w.pixels(),
+              .transB = true,
+              .accumulate = n > 0,
+              .startA = n * w.features * w.pixels(),
+              .startB = n * w.channels * w.pixels(),
+              .largestA = w.largestMaps,
+              .largestB = w.largestImage});
+}
+
 // ---- few channels, 4x4, stride 2 ---------------------------------------------------------------
 
 // Channels that a workgroup of conv/few_channels.comp makes at once: 0 where that is not the way.
@@ -225,6 +276,7 @@ void fewChannelsSum(Graph& graph, const Windows& w, const Tensor& maps, const Te
 // maps[images, features, windows] = weight columns(image) (+ bias per feature)
 void gatherProduct(Graph& graph, const Windows& w, const Tensor& image, const Tensor& weight,
                    const Tensor& bias, const Tensor& maps) {
+    if (seesPixels(w)) return pixelMaps(graph, w, image, weight, bias, maps);
     if (hasOneFeature(w)) return oneFeatureMaps(graph, w, image, weight, bias, maps);
     if (winogradPays(w)) return winogradGather(graph, w, image, weight, bias, maps);
     int64_t atOnce = imagesAtOnce(w), part = windowsAtOnce(w);
@@ -258,6 +310,7 @@ void gatherProduct(Graph& graph, const Windows& w, const Tensor& image, const Te
 // dweight[features, rows] = sum over images and windows of maps columns(image)^T
 void weightProduct(Graph& graph, const Windows& w, const Tensor& image, const Tensor& maps,
                    const Tensor& dweight) {
+    if (seesPixels(w)) return pixelWeights(graph, w, image, maps, dweight);
     if (hasOneFeature(w)) return oneFeatureWeights(graph, w, image, maps, dweight);
     if (winogradPays(w)) return winogradWeights(graph, w, image, maps, dweight);
     int64_t atOnce = imagesAtOnce(w), part = windowsAtOnce(w);
@@ -292,6 +345,7 @@ void weightProduct(Graph& graph, const Windows& w, const Tensor& image, const Te
 // image = sum over the windows that see a pixel of weight^T maps (+ bias per channel)
 void sumProduct(Graph& graph, const Windows& w, const Tensor& maps, const Tensor& weight,
                 const Tensor& bias, const Tensor& image) {
+    if (seesPixels(w)) return pixelImage(graph, w, maps, weight, bias, image);
     if (hasOneFeature(w)) return oneFeatureImage(graph, w, maps, weight, bias, image);
     if (winogradPays(w)) return winogradSum(graph, w, maps, weight, bias, image);
     if (fewChannelsAtOnce(graph, w) > 0) return fewChannelsSum(graph, w, maps, weight, bias, image);

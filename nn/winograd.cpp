@@ -13,19 +13,21 @@ namespace {
 constexpr int64_t kPieceElements = int64_t{1} << 22, kFewestTiles = 256;
 
 // How a layer is cut into tiles. Stride 2: nine matrices, [4 channels, tiles] of the image and
-// [features, tiles] of the maps, tiles of 2x2 windows. Stride 1: 81 matrices, one row per channel
-// or feature, tiles of 4x4 windows.
+// [features, tiles] of the maps, tiles of 2x2 windows. Stride 1: 81 matrices, or 64 of kernels 3x3,
+// one row per channel or feature, tiles of 4x4 windows.
 struct Tiling {
     explicit Tiling(const Windows& w) : strided(w.stride == 2) {
-        int64_t side = strided ? 2 : 4;
-        across = (w.outWidth + side - 1) / side;
-        tiles = across * ((w.outHeight + side - 1) / side);
-        matrices = strided ? 9 : 81;
+        int64_t windows = strided ? 2 : 4;
+        across = (w.outWidth + windows - 1) / windows;
+        tiles = across * ((w.outHeight + windows - 1) / windows);
+        side = strided ? 3 : w.kernelW == 3 ? 8 : 9;
+        matrices = side * side;
         channelRows = strided ? 4 * w.channels : w.channels;
     }
     bool strided;
-    int64_t across, tiles;  // in a row, in an image
-    int64_t matrices, channelRows;
+    int64_t across, tiles;   // in a row, in an image
+    int64_t side, matrices;  // products in one dimension, in two
+    int64_t channelRows;
 };
 
 // Some tiles of one image, or all tiles of some images.
@@ -95,6 +97,7 @@ TileDispatch tileDispatch(const Device& device, const Windows& w, const Piece& p
     int64_t across = layout == Layout::RowPanels ? rowsOf(w, side) : piece.count();
     d.spec["kLayout"] = static_cast<uint32_t>(layout);
     d.spec["kWidth"] = u32(gemmPanelWidth(device, across));
+    if (!tiling.strided) d.spec["kSide"] = u32(tiling.side);
     return d;
 }
 
@@ -126,32 +129,36 @@ void fromTiles(Graph& graph, Side side, const Windows& w, const Piece& piece,
         d.params, d.groups, d.spec);
 }
 
-// weight [features, channels, 4, 4] and matrices [features, channelRows], or, turned, [channels,
+// weight [features, channels, kernel, kernel] and matrices [features, channelRows], or, turned, [channels,
 // features].
 struct WeightDispatch {
     const char* toTiles;
     const char* fromTiles;
     WinogradWeightsParams params;
+    Specialisation spec;
 };
 WeightDispatch weightDispatch(const Windows& w) {
     int64_t pairs = w.features * w.channels;
-    bool strided = w.stride == 2;
+    Tiling tiling(w);
+    bool strided = tiling.strided;
+    Specialisation spec;
+    if (!strided) spec = {{"kKernel", u32(w.kernelW)}, {"kSide", u32(tiling.side)}};
     return {strided ? "conv/winograd_weights.to_tiles" : "conv/winograd_dense_weights.to_tiles",
             strided ? "conv/winograd_weights.from_tiles" : "conv/winograd_dense_weights.from_tiles",
             {.pairs = u32(pairs),
-             .strideMatrix = u32(w.features * Tiling(w).channelRows),
+             .strideMatrix = u32(w.features * tiling.channelRows),
              .channels = u32(w.channels),
-             .byFeatures = divisorOf(uint64_t(w.features))}};
+             .byFeatures = divisorOf(uint64_t(w.features))},
+            spec};
 }
 
 Tensor weightsToTiles(Graph& graph, const Windows& w, const Tensor& weight, bool turned = false) {
     Tiling tiling(w);
     WeightDispatch d = weightDispatch(w);
     Tensor matrices = graph.temporary({tiling.matrices, w.features, tiling.channelRows});
-    Specialisation spec;
-    if (!tiling.strided) spec["kTurned"] = turned;
+    if (!tiling.strided) d.spec["kTurned"] = turned;
     graph.dispatch(d.toTiles, {{"weight", weight}, {"matrices", matrices}}, d.params,
-                   d.params.pairs, spec);
+                   d.params.pairs, d.spec);
     return matrices;
 }
 
@@ -180,9 +187,10 @@ void gather(Graph& graph, const Windows& w, const Tensor& image, const Tensor& w
 }  // namespace
 
 bool winogradPays(const Windows& w) {
-    if (w.kernelH != 4 || w.kernelW != 4 || w.channels < 16 || w.features < 16) return false;
-    bool strided = w.stride == 2 && w.padding == 1 && w.height % 4 == 0 && w.width % 8 == 0;
-    bool dense = w.stride == 1 && w.padding <= 3;
+    if (w.kernelH != w.kernelW || w.channels < 16 || w.features < 16) return false;
+    bool strided = w.kernelW == 4 && w.stride == 2 && w.padding == 1 && w.height % 4 == 0 &&
+                   w.width % 8 == 0;
+    bool dense = (w.kernelW == 3 || w.kernelW == 4) && w.stride == 1 && w.padding < w.kernelW;
     if (!strided && !dense) return false;
     // The kernels count elements of all matrices in 32 bits; a piece may be a whole image.
     Tiling tiling(w);
@@ -205,7 +213,7 @@ void winogradSum(Graph& graph, const Windows& w, const Tensor& maps, const Tenso
         std::swap(turned.height, turned.outHeight);
         std::swap(turned.width, turned.outWidth);
         std::swap(turned.largestImage, turned.largestMaps);
-        turned.padding = 3 - w.padding;
+        turned.padding = w.kernelW - 1 - w.padding;
         gather(graph, turned, maps, weightsToTiles(graph, w, weight, true), bias, image);
         return;
     }
@@ -255,7 +263,7 @@ void winogradWeights(Graph& graph, const Windows& w, const Tensor& image, const 
     }
     WeightDispatch d = weightDispatch(w);
     graph.dispatch(d.fromTiles, {{"weight", dweight}, {"matrices", sums}}, d.params,
-                   d.params.pairs);
+                   d.params.pairs, d.spec);
 }
 
 }  // namespace doppel

@@ -155,31 +155,50 @@ TEST(Conv, Winograd) {
     const Case cases[] = {{{1, 16, 32, 32}, {17, 16, 4, 4}, 2, 1},
                           {{3, 17, 12, 40}, {16, 17, 4, 4}, 2, 1, false},
                           {{1, 17, 31, 34}, {16, 17, 4, 4}, 1, 1},
-                          {{5, 16, 15, 15}, {18, 16, 4, 4}, 1, 3, false}};
+                          {{5, 16, 15, 15}, {18, 16, 4, 4}, 1, 3, false},
+                          {{1, 17, 32, 34}, {16, 17, 3, 3}, 1, 1},
+                          {{5, 16, 15, 14}, {18, 16, 3, 3}, 1, 2, false},
+                          {{2, 16, 31, 33}, {16, 16, 3, 3}, 1, 0}};
     for (Case c : cases) {
         c.samples = 3;
         checkConvolution("conv2d", c, c.weight[0], convReference);
         Case transposed = c;
-        auto out = [&](int64_t size) { return (size + 2 * c.padding - 4) / c.stride + 1; };
+        auto out = [&](int64_t size) {
+            return (size + 2 * c.padding - c.weight[2]) / c.stride + 1;
+        };
         transposed.x = {c.x[0], c.weight[0], out(c.x[2]), out(c.x[3])};
+        checkConvolution("conv_transpose2d", transposed, c.weight[1], transposedReference);
+    }
+}
+
+// Kernels 1x1 are products with the images themselves.
+TEST(Conv, SinglePixels) {
+    const Case cases[] = {{{1, 20, 9, 7}, {33, 20, 1, 1}, 1, 0},
+                          {{3, 5, 4, 6}, {7, 5, 1, 1}, 1, 0, false},
+                          {{2, 5, 4, 6}, {7, 5, 1, 1}, 2, 1}};
+    for (const Case& c : cases) {
+        checkConvolution("conv2d", c, c.weight[0], convReference);
+        if (c.stride > 1) continue;
+        Case transposed = c;
+        transposed.x[1] = c.weight[0];
         checkConvolution("conv_transpose2d", transposed, c.weight[1], transposedReference);
     }
 }
 
 // Which layers take Winograd's way; not one whose matrices the kernels cannot count.
 TEST(Conv, WinogradPays) {
-    auto pays = [](int64_t channels, int64_t side, int64_t stride) {
+    auto pays = [](int64_t channels, int64_t side, int64_t stride, int64_t kernel = 4) {
         return winogradPays({.images = 1,
                              .channels = channels,
                              .height = side,
                              .width = side,
                              .features = 64,
-                             .kernelH = 4,
-                             .kernelW = 4,
+                             .kernelH = kernel,
+                             .kernelW = kernel,
                              .stride = stride,
                              .padding = 1,
-                             .outHeight = (side - 2) / stride + 1,
-                             .outWidth = (side - 2) / stride + 1});
+                             .outHeight = (side + 2 - kernel) / stride + 1,
+                             .outWidth = (side + 2 - kernel) / stride + 1});
     };
     EXPECT_TRUE(pays(64, 256, 2));
     EXPECT_TRUE(pays(64, 255, 1));
@@ -188,6 +207,9 @@ TEST(Conv, WinogradPays) {
     EXPECT_FALSE(pays(64, 16, 2));
     EXPECT_FALSE(pays(64, 5600, 2));
     EXPECT_FALSE(pays(64, 3000, 1));
+    EXPECT_TRUE(pays(64, 256, 1, 3));
+    EXPECT_FALSE(pays(64, 256, 2, 3));
+    EXPECT_FALSE(pays(64, 256, 1, 5));
 }
 
 TEST(Conv, ConvTranspose2d) {

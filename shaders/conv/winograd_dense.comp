@@ -10,9 +10,10 @@
 //     c_0 = f_0 * g_0 + f_1 * g_1 = M0 + M1,  c_1 = f_1 * g_0 + f_0' * g_1 = M1 - M2,
 //     M0 = (f_0 - f_1) * g_0,  M1 = f_1 * (g_0 + g_1),  M2 = (f_1 - f_0') * g_1,
 // f_0' being f_0 one step on; and each M with its two taps by three products for two results. That
-// is nine products for the sixteen of four results, in two dimensions 81 for 256.
+// is nine products for the sixteen of four results, in two dimensions 81 for 256. A kernel 3x3 is
+// one with w[3] = 0, so that the last of the nine products is too: 64 for 144.
 //
-// Matrices: 81 [channels, tiles]; a tile has 4x4 results from 7x7 pixels.
+// Matrices: kSide^2 [channels, tiles]; a tile has 4x4 results from 7x7 pixels.
 PARAMS(WinogradParams, 4)
 BUFFER(0, readonly, float, image);      // [images, channels, height, width]
 BUFFER(1, readwrite, float, matrices);
@@ -22,6 +23,7 @@ BUFFER(3, readonly, float, bias);       // [channels]
 layout(constant_id = 1) const uint kLayout = 0;  // as in conv/winograd.comp
 layout(constant_id = 2) const uint kWidth = 32;
 layout(constant_id = 3) const bool kBias = false;
+layout(constant_id = 4) const uint kSide = 9;  // products in one dimension; 8 of a kernel 3x3
 const uint kRows = 0, kTilePanels = 1, kRowPanels = 2;
 
 // Workgroups: x tiles, y channels, z images.
@@ -89,11 +91,12 @@ ENTRY(image_to_tiles) {
         }
         toNine(f, across[r]);
     }
-    [[unroll]] for (uint mx = 0; mx < 9; ++mx) {
+    [[unroll]] for (uint mx = 0; mx < kSide; ++mx) {
         float f[7], u[9];
         [[unroll]] for (uint r = 0; r < 7; ++r) f[r] = across[r][mx];
         toNine(f, u);
-        [[unroll]] for (uint my = 0; my < 9; ++my) matrices.d[place(9 * my + mx, to)] = u[my];
+        [[unroll]] for (uint my = 0; my < kSide; ++my)
+            matrices.d[place(kSide * my + mx, to)] = u[my];
     }
 }
 
@@ -112,10 +115,11 @@ ENTRY(results_to_tiles) {
         }
         spread(c, across[r]);
     }
-    [[unroll]] for (uint mx = 0; mx < 9; ++mx) {
+    [[unroll]] for (uint mx = 0; mx < kSide; ++mx) {
         float u[9];
         spread(vec4(across[0][mx], across[1][mx], across[2][mx], across[3][mx]), u);
-        [[unroll]] for (uint my = 0; my < 9; ++my) matrices.d[place(9 * my + mx, to)] = u[my];
+        [[unroll]] for (uint my = 0; my < kSide; ++my)
+            matrices.d[place(kSide * my + mx, to)] = u[my];
     }
 }
 
@@ -125,9 +129,12 @@ ENTRY(results_from_tiles) {
     uvec2 corner = tileCorner(tile);
     uint start = plane(), from = gl_WorkGroupID.z * params.tiles + tile;
     vec4 down[9];  // per mx, four rows
-    [[unroll]] for (uint mx = 0; mx < 9; ++mx) {
+    down[8] = vec4(0);
+    [[unroll]] for (uint mx = 0; mx < kSide; ++mx) {
         float m[9];
-        [[unroll]] for (uint my = 0; my < 9; ++my) m[my] = matrices.d[place(9 * my + mx, from)];
+        m[8] = 0;
+        [[unroll]] for (uint my = 0; my < kSide; ++my)
+            m[my] = matrices.d[place(kSide * my + mx, from)];
         down[mx] = fromNine(m);
     }
     float b = kBias ? bias.d[channel()] : 0;

@@ -5,11 +5,14 @@
 #include "conv/params.h"
 // The weights of conv/winograd_dense.comp.
 PARAMS(WinogradWeightsParams, 2)
-BUFFER(0, readwrite, float, weight);    // [features, channels, 4, 4]
-BUFFER(1, readwrite, float, matrices);  // 81 [features, channels]; kTurned: [channels, features]
+BUFFER(0, readwrite, float, weight);    // [features, channels, kKernel, kKernel]
+BUFFER(1, readwrite, float, matrices);  // [features, channels] each; kTurned: [channels, features]
 
 // For the gradient of the image: the kernels turned by half a turn, features and channels swapped.
 layout(constant_id = 1) const bool kTurned = false;
+layout(constant_id = 2) const uint kKernel = 4;  // or 3
+layout(constant_id = 3) const uint kSide = 9;
+const uint kTaps = kKernel * kKernel;
 
 void nineOf(float w[4], out float u[9]) {
     vec2 g[3] = vec2[3](vec2(w[0], w[2]), vec2(w[0] + w[1], w[2] + w[3]), vec2(w[1], w[3]));
@@ -38,15 +41,19 @@ ENTRY(to_tiles) {
     float across[4][9];
     [[unroll]] for (uint r = 0; r < 4; ++r) {
         float w[4];
-        [[unroll]] for (uint k = 0; k < 4; ++k)
-            w[k] = weight.d[16 * from + (kTurned ? 15 - (4 * r + k) : 4 * r + k)];
+        [[unroll]] for (uint k = 0; k < 4; ++k) {
+            uint tap = kKernel * r + k;
+            w[k] = 0;
+            if (r < kKernel && k < kKernel)
+                w[k] = weight.d[kTaps * from + (kTurned ? kTaps - 1 - tap : tap)];
+        }
         nineOf(w, across[r]);
     }
-    [[unroll]] for (uint mx = 0; mx < 9; ++mx) {
+    [[unroll]] for (uint mx = 0; mx < kSide; ++mx) {
         float u[9];
         nineOf(float[4](across[0][mx], across[1][mx], across[2][mx], across[3][mx]), u);
-        [[unroll]] for (uint my = 0; my < 9; ++my)
-            matrices.d[(9 * my + mx) * params.strideMatrix + i] = u[my];
+        [[unroll]] for (uint my = 0; my < kSide; ++my)
+            matrices.d[(kSide * my + mx) * params.strideMatrix + i] = u[my];
     }
 }
 
@@ -54,16 +61,18 @@ ENTRY(from_tiles) {
     uint i = linearIndex();
     if (i >= params.pairs) return;
     vec4 down[9];
-    [[unroll]] for (uint mx = 0; mx < 9; ++mx) {
+    down[8] = vec4(0);
+    [[unroll]] for (uint mx = 0; mx < kSide; ++mx) {
         float s[9];
-        [[unroll]] for (uint my = 0; my < 9; ++my)
-            s[my] = matrices.d[(9 * my + mx) * params.strideMatrix + i];
+        s[8] = 0;
+        [[unroll]] for (uint my = 0; my < kSide; ++my)
+            s[my] = matrices.d[(kSide * my + mx) * params.strideMatrix + i];
         down[mx] = fourOf(s);
     }
-    [[unroll]] for (uint r = 0; r < 4; ++r) {
+    [[unroll]] for (uint r = 0; r < kKernel; ++r) {
         float s[9];
         [[unroll]] for (uint mx = 0; mx < 9; ++mx) s[mx] = down[mx][r];
         vec4 w = fourOf(s);
-        [[unroll]] for (uint k = 0; k < 4; ++k) weight.d[16 * i + 4 * r + k] = w[k];
+        [[unroll]] for (uint k = 0; k < kKernel; ++k) weight.d[kTaps * i + kKernel * r + k] = w[k];
     }
 }
