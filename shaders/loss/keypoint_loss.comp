@@ -29,7 +29,7 @@ vec3 offset(uint j) {
 
 ENTRY(forward) {
     vec2 mine = vec2(0);
-    for (uint j = localIndex(); j < params.joints; j += gl_WorkGroupSize.x) {
+    for (uint j = localIndex(); j < params.joints; j += sumLanes()) {
         vec3 o = offset(j);
         float r2 = dot(o.xy, o.xy);
         mine += o.z * vec2(r2 / (r2 + params.scale * params.scale), 1);

@@ -60,10 +60,7 @@ ENTRY(sums_pairs) {
 }
 
 ENTRY(finish) {
-    vec2 mine = vec2(0);
-    for (uint k = localIndex(); k < params.partials; k += gl_WorkGroupSize.x)
-        mine += partial.d[k];
-    vec2 sum = workgroupSum(mine);
+    SUM_PARTIALS(sum);
     if (localIndex() > 0) return;
     maskSum.d[0] = sum.y;
     loss.d[0] = sum.y == 0 ? 0 : sum.x / sum.y;

@@ -1,10 +1,17 @@
 // Sums in a fixed order: strided partial sums without barriers (which cost much on CPU devices),
-// then one workgroup adds those up as a tree.
+// then one workgroup adds those up as a tree, on a CPU its first subgroup lane by lane: a kernel
+// with barriers takes half a second to compile there.
+#extension GL_KHR_shader_subgroup_arithmetic : require
+#extension GL_KHR_shader_subgroup_basic : require
 
 shared vec2 lanes[gl_WorkGroupSize.x];
 
-// The sum over the workgroup, in its first lane.
+// Lanes that share a sum.
+uint sumLanes() { return kOnCpu ? gl_SubgroupSize : gl_WorkGroupSize.x; }
+
+// The sum over those lanes, in the workgroup's first one.
 vec2 workgroupSum(vec2 mine) {
+    if (kOnCpu) return subgroupAdd(mine);
     uint lane = localIndex();
     lanes[lane] = mine;
     barrier();
@@ -14,3 +21,10 @@ vec2 workgroupSum(vec2 mine) {
     }
     return lanes[0];
 }
+
+// sum: of the buffer partial, in the workgroup's first lane.
+#define SUM_PARTIALS(sum)                                                \
+    vec2 sum = vec2(0);                                                  \
+    for (uint k = localIndex(); k < params.partials; k += sumLanes())    \
+        sum += partial.d[k];                                             \
+    sum = workgroupSum(sum)

@@ -34,10 +34,7 @@ ENTRY(sums) {
 }
 
 ENTRY(finish) {
-    vec2 mine = vec2(0);
-    for (uint k = localIndex(); k < params.partials; k += gl_WorkGroupSize.x)
-        mine += partial.d[k];
-    vec2 sum = workgroupSum(mine);
+    SUM_PARTIALS(sum);
     if (localIndex() > 0) return;
     total.d[0] = sum;
     loss.d[0] = sum.y == 0 ? 0 : 1 - sum.x / sum.y;

@@ -85,10 +85,7 @@ ENTRY(sums) {
 }
 
 ENTRY(finish) {
-    vec2 mine = vec2(0);
-    for (uint k = localIndex(); k < params.partials; k += gl_WorkGroupSize.x)
-        mine += partial.d[k];
-    vec2 sum = workgroupSum(mine);
+    SUM_PARTIALS(sum);
     if (localIndex() == 0)
         ssim.d[0] = sum.x / float(params.width * params.height * params.channels);
 }
