@@ -66,15 +66,16 @@ Tensor graphPanels(Graph& graph, const Tensor& x, const AdjacencyTensors& adjace
     return panels;
 }
 
-StackParams stackParams(const GraphConvWeights& w) {
+StackParams stackParams(const GraphConvWeights& w, int64_t by) {
     return {static_cast<uint32_t>(w.outputs), static_cast<uint32_t>(w.inputs),
-            static_cast<uint32_t>(w.row), static_cast<uint32_t>(w.halfColumns)};
+            static_cast<uint32_t>(w.row), static_cast<uint32_t>(w.halfColumns),
+            divisorOf(uint64_t(by))};
 }
 
 void stackWeights(Graph& graph, const GraphConvWeights& w) {
     graph.dispatch("mesh/stack.forward",
                    {{"weight0", w.weight0}, {"weight1", w.weight1}, {"weight", w.weight}},
-                   stackParams(w), static_cast<uint64_t>(w.weight.elements()));
+                   stackParams(w, w.row), static_cast<uint64_t>(w.weight.elements()));
 }
 
 // y[V,O] = weight0 x + bias0 + what the neighbours give. With a tail [V,3]: ReLU, and the tail and
@@ -291,7 +292,6 @@ GraphConvWeights graphConvWeights(Graph& graph, const Tensor& weight0, const Ten
     GraphConvWeights w{.inputs = I, .outputs = O, .row = row};
     // A column for the biases; x's own padding where there is some.
     w.halfColumns = row > I && row % 4 == 0 ? row : (I + 1 + 3) / 4 * 4;
-    StackParams params = stackParams(w);
     Tensor weight = w.weight = graph.temporary({2 * O, row});
     Tensor bias = w.bias = graph.temporary({2 * O});
     w.wide = graph.temporary({2 * w.halfColumns, O});
@@ -302,7 +302,7 @@ GraphConvWeights graphConvWeights(Graph& graph, const Tensor& weight0, const Ten
                     {"weight1", weight1},
                     {"bias1", bias1},
                     {"wide", w.wide}},
-                   params, static_cast<uint64_t>(w.wide.elements()));
+                   stackParams(w, O), static_cast<uint64_t>(w.wide.elements()));
     w.weight0 = weight0;
     w.weight1 = weight1;
     w.stacked = std::make_shared<bool>(false);
@@ -318,7 +318,7 @@ GraphConvWeights graphConvWeights(Graph& graph, const Tensor& weight0, const Ten
                         {"dbias0", target(bias0)},
                         {"dweight1", target(weight1)},
                         {"dbias1", target(bias1)}},
-                       params, static_cast<uint64_t>(O * I));
+                       stackParams(w, I), static_cast<uint64_t>(O * I));
     });
     return w;
 }

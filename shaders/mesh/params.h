@@ -18,6 +18,7 @@ struct StackParams {
     uint outputs, inputs;  // O, I
     uint row;              // inputs and the columns of zeros behind them
     uint halfColumns;            // H; see graph_panels.comp
+    Divisor by;                  // what a dispatch's invocations are divided by
 };
 struct GraphPanelsParams {
     uint vertices;

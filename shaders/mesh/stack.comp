@@ -19,7 +19,7 @@ BUFFER(11, writeonly, float, dbias1);   // [O]
 ENTRY(side_by_side) {
     uint i = linearIndex(), H = params.halfColumns;
     if (i >= 2 * params.outputs * H) return;
-    uint feature = i % params.outputs, column = i / params.outputs;
+    uint column = quotient(i, params.by), feature = remainder(i, column, params.by);
     bool second = column >= H;
     if (second) column -= H;
     float value = 0;
@@ -35,7 +35,7 @@ ENTRY(side_by_side) {
 ENTRY(forward) {
     uint i = linearIndex();
     if (i >= 2 * params.outputs * params.row) return;
-    uint feature = i / params.row, column = i % params.row;
+    uint feature = quotient(i, params.by), column = remainder(i, feature, params.by);
     bool second = feature >= params.outputs;
     if (second) feature -= params.outputs;
     uint at = feature * params.inputs + column;
@@ -47,7 +47,7 @@ ENTRY(forward) {
 ENTRY(backward) {
     uint i = linearIndex();
     if (i >= params.outputs * params.inputs) return;
-    uint feature = i / params.inputs, column = i % params.inputs;
+    uint feature = quotient(i, params.by), column = remainder(i, feature, params.by);
     uint second = feature + params.outputs;
     dweight0.d[i] = dweight.d[feature * params.row + column];
     dweight1.d[i] = dweight.d[second * params.row + column];
