@@ -53,17 +53,16 @@ Tensor cropWindow(Graph& graph, const Tensor& x, const Tensor& centres, int64_t 
                             u32(size), divisorOf(uint64_t(x.dim(1)))};
     Tensor y = graph.temporary({x.dim(0), x.dim(1), size, size});
     graph.beginOp("crop_window");
-    Specialisation forward;
-    Groups groups = planes(size, size, params.planes, forward);
+    Specialisation spec;
+    Groups groups = planes(size, size, params.planes, spec);
     graph.dispatchGroups("gan/crop_window.forward", {{"x", x}, {"centres", centres}, {"y", y}},
-                         params, groups, forward);
+                         params, groups, spec);
     graph.differentiate({x}, {y}, [=, &graph] {
-        Specialisation backward;
-        Groups whole = planes(x.dim(3), x.dim(2), params.planes, backward);
-        graph.dispatchGroups(
-            "gan/crop_window.backward",
-            {{"centres", centres}, {"dy", graph.gradient(y)}, {"dx", graph.gradientTarget(x)}},
-            params, whole, backward);
+        Tensor dx = graph.gradientTarget(x);
+        graph.fill(dx);
+        graph.dispatchGroups("gan/crop_window.backward",
+                             {{"centres", centres}, {"dy", graph.gradient(y)}, {"dx", dx}}, params,
+                             groups, spec);
     });
     return y;
 }

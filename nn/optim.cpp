@@ -93,10 +93,10 @@ void adamwRow(Graph& graph, const Tensor& table, const Tensor& gradient, const T
 }
 
 Tensor clipNorm(Graph& graph, const Tensor& gradient, float maxNorm) {
-    constexpr uint32_t kPartLength = 1024;
+    constexpr uint32_t kPartLength = 512;
     auto n = static_cast<uint32_t>(gradient.elements());
     uint32_t parts = (n + kPartLength - 1) / kPartLength;
-    ClipParams params{n, kPartLength, maxNorm};
+    ClipParams params{n, parts, maxNorm};
     Tensor partial = graph.temporary({parts}), squares = graph.temporary({1}),
            norm = graph.temporary({1});
     graph.beginOp("clip_norm");
@@ -104,7 +104,8 @@ Tensor clipNorm(Graph& graph, const Tensor& gradient, float maxNorm) {
                    parts);
     sumAxis(graph, partial, 1, parts, 1, squares);
     graph.dispatch("optim/clip.scale",
-                   {{"gradient", gradient}, {"squares", squares}, {"norm", norm}}, params, n);
+                   {{"gradient", gradient}, {"squares", squares}, {"norm", norm}}, params,
+                   pairInvocations(n));
     return norm;
 }
 

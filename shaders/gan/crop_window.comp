@@ -16,26 +16,30 @@ ivec2 startOf(uint plane) {
                  windowStart(centres.d[2 * n + 1], params.size));
 }
 
-// Workgroups: x columns, y rows, z planes.
+// Workgroups: x columns and y rows of the window, z planes.
 uvec2 pixel() {
     return uvec2(gl_WorkGroupID.x * gl_WorkGroupSize.x + localIndex(), gl_WorkGroupID.y);
 }
 
-ENTRY(forward) {
+// Where pixel at of the window lies in x or dx; false: outside.
+bool place(uvec2 at, out uint place) {
     uint plane = gl_WorkGroupID.z;
+    ivec2 p = startOf(plane) + ivec2(at);
+    place = (plane * params.height + uint(p.y)) * params.width + uint(p.x);
+    return p.x >= 0 && p.y >= 0 && p.x < int(params.width) && p.y < int(params.height);
+}
+uint placeInWindow(uvec2 at) { return (gl_WorkGroupID.z * params.size + at.y) * params.size + at.x; }
+
+ENTRY(forward) {
     uvec2 at = pixel();
     if (at.x >= params.size) return;
-    ivec2 p = startOf(plane) + ivec2(at);
-    bool inside = p.x >= 0 && p.y >= 0 && p.x < int(params.width) && p.y < int(params.height);
-    y.d[(plane * params.size + at.y) * params.size + at.x] = inside ? x.d[(plane * params.height + uint(p.y)) * params.width + uint(p.x)] : 0;
+    uint from;
+    y.d[placeInWindow(at)] = place(at, from) ? x.d[from] : 0;
 }
 
+// dx is zero before.
 ENTRY(backward) {
-    uint plane = gl_WorkGroupID.z;
     uvec2 at = pixel();
-    if (at.x >= params.width) return;
-    ivec2 p = ivec2(at) - startOf(plane);
-    bool inside = p.x >= 0 && p.y >= 0 && p.x < int(params.size) && p.y < int(params.size);
-    dx.d[(plane * params.height + at.y) * params.width + at.x] =
-        inside ? dy.d[(plane * params.size + uint(p.y)) * params.size + uint(p.x)] : 0;
+    uint to;
+    if (at.x < params.size && place(at, to)) dx.d[to] = dy.d[placeInWindow(at)];
 }

@@ -1,30 +1,31 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
+#include "common/pairs.glsl"
 #include "optim/params.h"
 PARAMS(ClipParams, 4)
-BUFFER(0, readwrite, float, gradient);  // [n]
-BUFFER(1, writeonly, float, partial);   // [ceil(n / partLength)]
-BUFFER(2, readwrite, float, squares);   // [1], the sum of them
-BUFFER(3, writeonly, float, norm);      // [1]
+BUFFER(0, readwrite, uint64_t, gradient);  // [n], in pairs
+BUFFER(1, writeonly, float, partial);      // [parts]
+BUFFER(2, readwrite, float, squares);      // [1], the sum of them
+BUFFER(3, writeonly, float, norm);         // [1]
 
+// Invocation i sums pairs i, i + parts and so on.
 ENTRY(squares) {
-    uint i = linearIndex(), length = params.partLength, n = params.n, first = i * length;
-    if (first >= n) return;
-    uint last = min(n, first + length);
-    float total = 0;
-    for (uint e = first; e < last; ++e) {
-        float g = gradient.d[e];
+    uint i = linearIndex(), pairs = (params.n + 1) / 2;
+    if (i >= params.parts) return;
+    vec2 total = vec2(0);
+    for (uint p = i; p < pairs; p += params.parts) {
+        vec2 g = unpackPair(gradient.d[p]);
+        if (2 * p + 1 == params.n) g.y = 0;  // anything lies behind the end
         total += g * g;
     }
-    partial.d[i] = total;
+    partial.d[i] = total.x + total.y;
 }
 
 // As torch.nn.utils.clip_grad_norm_ scales.
 ENTRY(scale) {
-    uint i = linearIndex();
-    if (i >= params.n) return;
-    float length = sqrt(squares.d[0]);
-    if (i == 0) norm.d[0] = length;
-    gradient.d[i] *= min(1, params.maxNorm / (length + 1e-6));
+    float length = sqrt(squares.d[0]), factor = min(1, params.maxNorm / (length + 1e-6));
+    if (linearIndex() == 0) norm.d[0] = length;
+    uint n = params.n;
+    EACH_PAIR(i, n) gradient.d[i] = packPair(unpackPair(gradient.d[i]) * factor);
 }

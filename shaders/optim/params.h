@@ -13,7 +13,7 @@ struct AdamWParams {
 };
 struct ClipParams {
     uint n;
-    uint partLength;  // one invocation sums the squares of so many
+    uint parts;  // sums of squares
     float maxNorm;
 };
 SHARED_END
