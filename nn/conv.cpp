@@ -188,33 +188,21 @@ bool seesPixels(const Windows& w) {
     return w.kernelH == 1 && w.kernelW == 1 && w.stride == 1 && w.padding == 0;
 }
 
-void pixelMaps(Graph& graph, const Windows& w, const Tensor& image, const Tensor& weight,
-               const Tensor& bias, const Tensor& maps) {
-    gemm(graph, weight, image, maps,
-         {.m = w.features,
+// Maps of the image or, toImage, the image of the maps.
+void pixelProduct(Graph& graph, const Windows& w, const Tensor& given, const Tensor& weight,
+                  const Tensor& bias, const Tensor& result, bool toImage) {
+    int64_t rows = toImage ? w.channels : w.features, sums = toImage ? w.features : w.channels;
+    gemm(graph, weight, given, result,
+         {.m = rows,
           .n = w.pixels(),
-          .k = w.channels,
+          .k = sums,
+          .transA = toImage,
           .batch = w.images,
-          .strideB = w.channels * w.pixels(),
-          .strideC = w.features * w.pixels(),
+          .strideB = sums * w.pixels(),
+          .strideC = rows * w.pixels(),
           .bias = bias,
           .biasPerRow = true,
-          .largestB = w.largestImage});
-}
-
-void pixelImage(Graph& graph, const Windows& w, const Tensor& maps, const Tensor& weight,
-                const Tensor& bias, const Tensor& image) {
-    gemm(graph, weight, maps, image,
-         {.m = w.channels,
-          .n = w.pixels(),
-          .k = w.features,
-          .transA = true,
-          .batch = w.images,
-          .strideB = w.features * w.pixels(),
-          .strideC = w.channels * w.pixels(),
-          .bias = bias,
-          .biasPerRow = true,
-          .largestB = w.largestMaps});
+          .largestB = toImage ? w.largestMaps : w.largestImage});
 }
 
 void pixelWeights(Graph& graph, const Windows& w, const Tensor& image, const Tensor& maps,
@@ -276,7 +264,7 @@ void fewChannelsSum(Graph& graph, const Windows& w, const Tensor& maps, const Te
 // maps[images, features, windows] = weight columns(image) (+ bias per feature)
 void gatherProduct(Graph& graph, const Windows& w, const Tensor& image, const Tensor& weight,
                    const Tensor& bias, const Tensor& maps) {
-    if (seesPixels(w)) return pixelMaps(graph, w, image, weight, bias, maps);
+    if (seesPixels(w)) return pixelProduct(graph, w, image, weight, bias, maps, false);
     if (hasOneFeature(w)) return oneFeatureMaps(graph, w, image, weight, bias, maps);
     if (winogradPays(w)) return winogradGather(graph, w, image, weight, bias, maps);
     int64_t atOnce = imagesAtOnce(w), part = windowsAtOnce(w);
@@ -345,7 +333,7 @@ void weightProduct(Graph& graph, const Windows& w, const Tensor& image, const Te
 // image = sum over the windows that see a pixel of weight^T maps (+ bias per channel)
 void sumProduct(Graph& graph, const Windows& w, const Tensor& maps, const Tensor& weight,
                 const Tensor& bias, const Tensor& image) {
-    if (seesPixels(w)) return pixelImage(graph, w, maps, weight, bias, image);
+    if (seesPixels(w)) return pixelProduct(graph, w, maps, weight, bias, image, true);
     if (hasOneFeature(w)) return oneFeatureImage(graph, w, maps, weight, bias, image);
     if (winogradPays(w)) return winogradSum(graph, w, maps, weight, bias, image);
     if (fewChannelsAtOnce(graph, w) > 0) return fewChannelsSum(graph, w, maps, weight, bias, image);

@@ -49,8 +49,9 @@ Tensor cropWindow(Graph& graph, const Tensor& x, const Tensor& centres, int64_t 
           "pictures [N,C,H,W] have centres [N,2], not {} and {}", toString(x.shape),
           toString(centres.shape));
     CHECK(size > 0, "a window has pixels");
-    CropWindowParams params{u32(x.dim(0) * x.dim(1)), u32(x.dim(1)), u32(x.dim(3)), u32(x.dim(2)),
-                            u32(size), divisorOf(uint64_t(x.dim(1)))};
+    CropWindowParams params{
+        u32(x.dim(0) * x.dim(1)),     u32(x.dim(1)), u32(x.dim(3)), u32(x.dim(2)), u32(size),
+        divisorOf(uint64_t(x.dim(1)))};
     Tensor y = graph.temporary({x.dim(0), x.dim(1), size, size});
     graph.beginOp("crop_window");
     Specialisation spec;
@@ -116,12 +117,11 @@ Tensor planar(Graph& graph, const std::vector<Tensor>& images, const std::vector
         Tensor dy = graph.gradient(y);
         for (size_t n = 0; n < images.size(); ++n)
             if (graph.wantsGradient(images[n]))
-                graph.dispatch(
-                    pairs ? "gan/planar.backward_pairs" : "gan/planar.backward",
-                    {{pairs ? "masks" : "mask", maskOf(n)},
-                     {pairs ? "dys" : "dy", dy.slice(static_cast<int64_t>(n), 1)},
-                     {pairs ? "dImages" : "dImage", graph.gradientTarget(images[n])}},
-                    params, invocations, spec);
+                graph.dispatch(pairs ? "gan/planar.backward_pairs" : "gan/planar.backward",
+                               {{pairs ? "masks" : "mask", maskOf(n)},
+                                {pairs ? "dys" : "dy", dy.slice(static_cast<int64_t>(n), 1)},
+                                {pairs ? "dImages" : "dImage", graph.gradientTarget(images[n])}},
+                               params, invocations, spec);
     });
     return y;
 }

@@ -311,7 +311,9 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
         g.startC = 0;
         g.strideC = g.m * g.n;
     }
-    Tensor sums = !narrow || !g.sums ? graph.none() : split ? graph.temporary({p.parts, g.m}) : g.sums;
+    Tensor sums = !narrow || !g.sums ? graph.none()
+                  : split            ? graph.temporary({p.parts, g.m})
+                                     : g.sums;
     int64_t strideCPart = g.batch * g.m * g.n;
     GemmParams params = gemmParams(g);
     params.kPart = u32(p.kPart);

@@ -129,8 +129,8 @@ void fromTiles(Graph& graph, Side side, const Windows& w, const Piece& piece,
         d.params, d.groups, d.spec);
 }
 
-// weight [features, channels, kernel, kernel] and matrices [features, channelRows], or, turned, [channels,
-// features].
+// weight [features, channels, kernel, kernel] and matrices [features, channelRows], or, turned,
+// [channels, features].
 struct WeightDispatch {
     const char* toTiles;
     const char* fromTiles;
@@ -188,8 +188,8 @@ void gather(Graph& graph, const Windows& w, const Tensor& image, const Tensor& w
 
 bool winogradPays(const Windows& w) {
     if (w.kernelH != w.kernelW || w.channels < 16 || w.features < 16) return false;
-    bool strided = w.kernelW == 4 && w.stride == 2 && w.padding == 1 && w.height % 4 == 0 &&
-                   w.width % 8 == 0;
+    bool strided =
+        w.kernelW == 4 && w.stride == 2 && w.padding == 1 && w.height % 4 == 0 && w.width % 8 == 0;
     bool dense = (w.kernelW == 3 || w.kernelW == 4) && w.stride == 1 && w.padding < w.kernelW;
     if (!strided && !dense) return false;
     // The kernels count elements of all matrices in 32 bits; a piece may be a whole image.
@@ -262,8 +262,8 @@ void winogradWeights(Graph& graph, const Windows& w, const Tensor& image, const 
         first = false;
     }
     WeightDispatch d = weightDispatch(w);
-    graph.dispatch(d.fromTiles, {{"weight", dweight}, {"matrices", sums}}, d.params,
-                   d.params.pairs, d.spec);
+    graph.dispatch(d.fromTiles, {{"weight", dweight}, {"matrices", sums}}, d.params, d.params.pairs,
+                   d.spec);
 }
 
 }  // namespace doppel

@@ -152,13 +152,11 @@ TEST(Conv, FewChannels) {
 // Large enough for Winograd's way: tiles of one image and of several, in panels that are full and
 // that are not.
 TEST(Conv, Winograd) {
-    const Case cases[] = {{{1, 16, 32, 32}, {17, 16, 4, 4}, 2, 1},
-                          {{3, 17, 12, 40}, {16, 17, 4, 4}, 2, 1, false},
-                          {{1, 17, 31, 34}, {16, 17, 4, 4}, 1, 1},
-                          {{5, 16, 15, 15}, {18, 16, 4, 4}, 1, 3, false},
-                          {{1, 17, 32, 34}, {16, 17, 3, 3}, 1, 1},
-                          {{5, 16, 15, 14}, {18, 16, 3, 3}, 1, 2, false},
-                          {{2, 16, 31, 33}, {16, 16, 3, 3}, 1, 0}};
+    const Case cases[] = {
+        {{1, 16, 32, 32}, {17, 16, 4, 4}, 2, 1}, {{3, 17, 12, 40}, {16, 17, 4, 4}, 2, 1, false},
+        {{1, 17, 31, 34}, {16, 17, 4, 4}, 1, 1}, {{5, 16, 15, 15}, {18, 16, 4, 4}, 1, 3, false},
+        {{1, 17, 32, 34}, {16, 17, 3, 3}, 1, 1}, {{5, 16, 15, 14}, {18, 16, 3, 3}, 1, 2, false},
+        {{2, 16, 31, 33}, {16, 16, 3, 3}, 1, 0}};
     for (Case c : cases) {
         c.samples = 3;
         checkConvolution("conv2d", c, c.weight[0], convReference);

@@ -9,21 +9,21 @@ struct MeshParams {
 };
 struct AggregateParams {
     uint vertices;
-    uint outputs;  // O, features of a vertex
-    uint xRow;     // numbers from one row of z or x to the next
-    uint row;      // of y
+    uint outputs;   // O, features of a vertex
+    uint xRow;      // numbers from one row of z or x to the next
+    uint row;       // of y
     Divisor byRow;  // invocations of a vertex, where there are several
 };
 struct StackParams {
     uint outputs, inputs;  // O, I
     uint row;              // inputs and the columns of zeros behind them
-    uint halfColumns;            // H; see graph_panels.comp
-    Divisor by;                  // what a dispatch's invocations are divided by
+    uint halfColumns;      // H; see graph_panels.comp
+    Divisor by;            // what a dispatch's invocations are divided by
 };
 struct GraphPanelsParams {
     uint vertices;
-    uint inputs;  // I, numbers of a vertex that count
-    uint row;     // numbers from one row of x to the next, I or more
+    uint inputs;       // I, numbers of a vertex that count
+    uint row;          // numbers from one row of x to the next, I or more
     uint halfColumns;  // H: columns for the vertex itself, and as many for its neighbours
     Divisor byPieces;  // invocations of a vertex
 };
@@ -31,8 +31,8 @@ SHARED_END
 #ifdef __cplusplus
 namespace doppel {
 #endif
-const int kPairColumns = 32;           // columns per invocation of aggregate_pairs
-const float kNormalEpsilon = 1e-6f; // m^2; see vertexNormals()
+const int kPairColumns = 32;         // columns per invocation of aggregate_pairs
+const float kNormalEpsilon = 1e-6f;  // m^2; see vertexNormals()
 #ifdef __cplusplus
 }
 #endif
