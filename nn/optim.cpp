@@ -27,6 +27,25 @@ Tensor whole(Graph& graph, const Parameters& parameters, Parameters::Section sec
     return graph.attach(parameters.section(section), {static_cast<int64_t>(parameters.elements())});
 }
 
+// Gradients of several tensors in one array: what lies between them is made zero, as far as kernels
+// reach behind a tensor.
+void clearPadding(Graph& graph, const Parameters& parameters) {
+    constexpr uint64_t kReach = 4;  // kernels end at a multiple of so many elements
+    std::vector<int32_t> padding;
+    for (const Parameters::Entry& entry : parameters.entries()) {
+        uint64_t end = entry.offset / 4 + static_cast<uint64_t>(elementCount(entry.shape));
+        for (uint64_t i = end; i < alignUp(end, kReach); ++i)
+            padding.push_back(static_cast<int32_t>(i));
+    }
+    if (padding.empty()) return;
+    auto count = static_cast<int64_t>(padding.size());
+    ClipParams params{static_cast<uint32_t>(count), 0, 0};
+    graph.dispatch("optim/clip.clear_padding",
+                   {{"elements", whole(graph, parameters, Parameters::kGradient)},
+                    {"padding", graph.constant(std::span<const int32_t>(padding), {count})}},
+                   params, params.n);
+}
+
 void dispatchAdamW(Graph& graph, const Tensor& value, const Tensor& gradient, const Tensor& moment1,
                    const Tensor& moment2, const Tensor& step, const AdamWOptions& options) {
     auto dispatch = [&](int64_t first, int64_t n) {
@@ -68,6 +87,8 @@ void adamw(Graph& graph, const Tensor& value, const Tensor& gradient, const Tens
 }
 
 void adamwStep(Graph& graph, const Parameters& parameters, const AdamWOptions& options) {
+    graph.beginOp("adamw");
+    clearPadding(graph, parameters);
     adamw(graph, whole(graph, parameters, Parameters::kValues),
           whole(graph, parameters, Parameters::kGradient),
           whole(graph, parameters, Parameters::kMoment1),
@@ -110,6 +131,8 @@ Tensor clipNorm(Graph& graph, const Tensor& gradient, float maxNorm) {
 }
 
 Tensor clipGradientNorm(Graph& graph, const Parameters& parameters, float maxNorm) {
+    graph.beginOp("clip_norm");
+    clearPadding(graph, parameters);
     return clipNorm(graph, whole(graph, parameters, Parameters::kGradient), maxNorm);
 }
 

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "nn/elementwise.h"
 #include "tests/op_test.h"
 
 namespace doppel {
@@ -114,6 +115,43 @@ TEST(Optim, StepsOnAllParametersTogether) {
     std::vector<float> b1 = parameters.read(parameters.entries()[1]);
     for (size_t i = 0; i < 3; ++i) EXPECT_NEAR(a1[i], x[i], 1e-6);
     EXPECT_NEAR(b1[0], x[3], 1e-6);
+}
+
+// Gradients that come together are added up by pairs of elements, so that anything may lie behind a
+// tensor's last one; neither the norm nor the parameters know of it.
+TEST(Optim, WhatLiesBetweenTensorsCountsForNothing) {
+    Parameters parameters;
+    std::vector<float> start{1, 1, 1}, four{4, 0, 0};
+    parameters.add("a", {3}, start);
+    parameters.add("b", {1}, {5});
+    parameters.allocate(testDevice());
+    Graph graph(testDevice());
+    Tensor a = graph.parameter(parameters, "a");
+    Tensor upstream = graph.constant(std::span<const float>(four), {3});
+    graph.beginOp("twice");
+    Tensor once = scaleShift(graph, a, 1, 0), again = scaleShift(graph, a, -.25f, 0);
+    graph.backward({{once, upstream}, {again, upstream}});
+    Tensor norm = clipGradientNorm(graph, parameters, 100);
+    adamwStep(graph, parameters);
+    graph.output(norm);
+    graph.compile({.reuseMemory = false, .poison = true});
+    graph.setStep(adamwStepParams(1, 0.1f));
+    graph.run();
+    EXPECT_NEAR(graph.readScalar(norm), 3, 1e-6);
+    Graph after(testDevice());
+    Tensor all = after.attach(parameters.section(Parameters::kValues),
+                              {static_cast<int64_t>(parameters.elements())});
+    Tensor copied = after.temporary(all.shape);
+    after.beginOp("copy");
+    after.copy(all, copied);
+    after.output(copied);
+    after.compile();
+    after.run();
+    std::vector<float> values = after.read(copied);
+    for (size_t i = 3; i < values.size(); ++i)
+        if (i * 4 != parameters.find("b")->offset) {
+            EXPECT_EQ(values[i], 0) << i;
+        }
 }
 
 TEST(Optim, Refusals) {

@@ -3,11 +3,13 @@
 #include "common/op.glsl"
 #include "common/pairs.glsl"
 #include "optim/params.h"
-PARAMS(ClipParams, 4)
+PARAMS(ClipParams, 6)
 BUFFER(0, readwrite, uint64_t, gradient);  // [n], in pairs
 BUFFER(1, writeonly, float, partial);      // [parts]
 BUFFER(2, readwrite, float, squares);      // [1], the sum of them
 BUFFER(3, writeonly, float, norm);         // [1]
+BUFFER(4, writeonly, float, elements);     // gradient again
+BUFFER(5, readonly, int, padding);         // [n] elements between tensors
 
 // Invocation i sums pairs i, i + parts and so on.
 ENTRY(squares) {
@@ -28,4 +30,10 @@ ENTRY(scale) {
     if (linearIndex() == 0) norm.d[0] = length;
     uint n = params.n;
     EACH_PAIR(i, n) gradient.d[i] = packPair(unpackPair(gradient.d[i]) * factor);
+}
+
+// Kernels that work on several elements at once leave anything behind a tensor's last one.
+ENTRY(clear_padding) {
+    uint i = linearIndex();
+    if (i < params.n) elements.d[padding.d[i]] = 0;
 }
