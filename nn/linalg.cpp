@@ -335,7 +335,9 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
                      {"kPairs", p.pairs},
                      {"kLayoutA", layoutA},
                      {"kLayoutB", layoutB},
-                     {"kHalves", p.halves}});
+                     {"kHalves", p.halves},
+                     {"kWholeRows", !listed && g.m % p.rows == 0},
+                     {"kWholeColumns", g.n % p.columns() == 0}});
     if (p.matrices) {
         spec["kMatrixM"] = p.matrices->m;
         spec["kMatrixN"] = p.matrices->n;
