@@ -1,6 +1,7 @@
 #include "nn/gan.h"
 
 #include "gan/params.h"
+#include "nn/linalg.h"
 #include "nn/op.h"
 #include "nn/windows.h"
 
@@ -8,25 +9,21 @@ namespace doppel {
 
 namespace {
 
-constexpr uint32_t kPartials = 1024;
-
 struct GanLossKernels {
-    const char *name, *sums, *finish, *backward;
+    const char *name, *mean, *backward;
 };
-constexpr GanLossKernels kLog{"log_gan_loss", "gan/log_gan_loss.sums", "gan/log_gan_loss.finish",
-                              "gan/log_gan_loss.backward"};
-constexpr GanLossKernels kLeastSquares{"least_squares_gan_loss", "gan/least_squares_gan_loss.sums",
-                                       "gan/least_squares_gan_loss.finish",
+constexpr GanLossKernels kLog{"log_gan_loss", "gan/log_gan_loss.mean", "gan/log_gan_loss.backward"};
+constexpr GanLossKernels kLeastSquares{"least_squares_gan_loss", "gan/least_squares_gan_loss.mean",
                                        "gan/least_squares_gan_loss.backward"};
 
 Tensor ganLoss(Graph& graph, const GanLossKernels& kernels, const Tensor& x, bool real) {
     CHECK(x.elements() > 0, "there are logits");
-    GanLossParams params{u32(x.elements()), kPartials, real ? 1.0f : 0.0f};
-    Tensor partial = graph.temporary({kPartials, 2}), loss = graph.temporary({});
+    GanLossParams params{u32(x.elements()), real ? 1.0f : 0.0f};
+    Tensor loss = graph.temporary({});
     graph.beginOp(kernels.name);
-    graph.dispatch(kernels.sums, {{"x", x}, {"partial", partial}}, params, kPartials);
-    graph.dispatchGroups(kernels.finish, {{"partial", partial}, {"loss", loss}}, params,
-                         Groups{1, 1, 1});
+    uint32_t lanes = vectorLanes(graph.device());
+    graph.dispatchGroups(kernels.mean, {{"x", x}, {"loss", loss}}, params, Groups{1, 1, 1},
+                         {{"local_size", lanes > 0 ? lanes : 256}});
     graph.differentiate({x}, {loss}, [=, &graph] {
         graph.dispatch(kernels.backward,
                        {{"x", x}, {"dLoss", graph.gradient(loss)}, {"dx", graph.gradientTarget(x)}},

@@ -4,26 +4,20 @@
 #include "gan/params.h"
 #include "loss/reduce.glsl"
 // mean (x - label)^2.
-PARAMS(GanLossParams, 5)
-BUFFER(0, readonly, float, x);         // [n] logits
-BUFFER(1, readwrite, vec2, partial);   // [partials]
-BUFFER(2, writeonly, float, loss);     // [1]
-BUFFER(3, readonly, float, dLoss);     // [1]
-BUFFER(4, writeonly, float, dx);       // [n]
+PARAMS(GanLossParams, 4)
+BUFFER(0, readonly, float, x);       // [n] logits
+BUFFER(1, writeonly, float, loss);   // [1]
+BUFFER(2, readonly, float, dLoss);   // [1]
+BUFFER(3, writeonly, float, dx);     // [n]
 
 float valueAt(float v) { return (v - params.label) * (v - params.label); }
 float slopeAt(float v) { return 2 * (v - params.label); }
 
-ENTRY(sums) {
-    uint k = linearIndex();
-    if (k >= params.partials) return;
-    float sum = 0;
-    for (uint i = k; i < params.n; i += params.partials) sum += valueAt(x.d[i]);
-    partial.d[k] = vec2(sum, 0);
-}
-
-ENTRY(finish) {
-    SUM_PARTIALS(sum);
+// One workgroup: logits are few.
+ENTRY(mean) {
+    vec2 sum = vec2(0);
+    for (uint i = localIndex(); i < params.n; i += sumLanes()) sum.x += valueAt(x.d[i]);
+    sum = workgroupSum(sum);
     if (localIndex() == 0) loss.d[0] = sum.x / float(params.n);
 }
 

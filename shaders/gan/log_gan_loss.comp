@@ -4,12 +4,11 @@
 #include "gan/params.h"
 #include "loss/reduce.glsl"
 // mean softplus(-x) where the label is 1, mean softplus(x) where it is 0.
-PARAMS(GanLossParams, 5)
-BUFFER(0, readonly, float, x);         // [n] logits
-BUFFER(1, readwrite, vec2, partial);   // [partials]
-BUFFER(2, writeonly, float, loss);     // [1]
-BUFFER(3, readonly, float, dLoss);     // [1]
-BUFFER(4, writeonly, float, dx);       // [n]
+PARAMS(GanLossParams, 4)
+BUFFER(0, readonly, float, x);       // [n] logits
+BUFFER(1, writeonly, float, loss);   // [1]
+BUFFER(2, readonly, float, dLoss);   // [1]
+BUFFER(3, writeonly, float, dx);     // [n]
 
 // softplus(z) = ln(1 + exp(z)), without overflow and without losing small values.
 float valueAt(float v) {
@@ -23,16 +22,11 @@ float slopeAt(float v) {
     return params.label == 1 ? -s : s;
 }
 
-ENTRY(sums) {
-    uint k = linearIndex();
-    if (k >= params.partials) return;
-    float sum = 0;
-    for (uint i = k; i < params.n; i += params.partials) sum += valueAt(x.d[i]);
-    partial.d[k] = vec2(sum, 0);
-}
-
-ENTRY(finish) {
-    SUM_PARTIALS(sum);
+// One workgroup: logits are few.
+ENTRY(mean) {
+    vec2 sum = vec2(0);
+    for (uint i = localIndex(); i < params.n; i += sumLanes()) sum.x += valueAt(x.d[i]);
+    sum = workgroupSum(sum);
     if (localIndex() == 0) loss.d[0] = sum.x / float(params.n);
 }
 

@@ -14,9 +14,8 @@ struct CropWindowParams {
     Divisor byChannels;
 };
 struct GanLossParams {
-    uint n;         // logits
-    uint partials;  // first sums, each over every partials-th logit
-    float label;    // 1: real, 0: fake
+    uint n;       // logits
+    float label;  // 1: real, 0: fake
 };
 struct MisalignedRegionParams {
     uint width, height;
