@@ -46,9 +46,12 @@ Tensor cropWindow(Graph& graph, const Tensor& x, const Tensor& centres, int64_t 
           "pictures [N,C,H,W] have centres [N,2], not {} and {}", toString(x.shape),
           toString(centres.shape));
     CHECK(size > 0, "a window has pixels");
-    CropWindowParams params{
-        u32(x.dim(0) * x.dim(1)),     u32(x.dim(1)), u32(x.dim(3)), u32(x.dim(2)), u32(size),
-        divisorOf(uint64_t(x.dim(1)))};
+    CropWindowParams params{.planes = u32(x.dim(0) * x.dim(1)),
+                            .channels = u32(x.dim(1)),
+                            .width = u32(x.dim(3)),
+                            .height = u32(x.dim(2)),
+                            .size = u32(size),
+                            .byChannels = divisorOf(uint64_t(x.dim(1)))};
     Tensor y = graph.temporary({x.dim(0), x.dim(1), size, size});
     graph.beginOp("crop_window");
     Specialisation spec;

@@ -52,7 +52,7 @@ int64_t partsForCache(const Gemm& g, const Plan& p) {
     constexpr int64_t kCached = 128 << 10;  // numbers
     if (g.m < 4 * p.rows) return 1;
     int64_t wanted = ceilDiv(g.k * std::min(g.n, p.columns()), kCached);
-    return std::clamp<int64_t>(g.k / (4 * g.m), 1, wanted);
+    return std::max<int64_t>(1, std::min(g.k / (4 * g.m), wanted));
 }
 
 Plan plan(const Device& device, const Gemm& g) {

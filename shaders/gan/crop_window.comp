@@ -22,7 +22,7 @@ uvec2 pixel() {
 }
 
 // Where pixel at of the window lies in x or dx; false: outside.
-bool place(uvec2 at, out uint place) {
+bool findPixel(uvec2 at, out uint place) {
     uint plane = gl_WorkGroupID.z;
     ivec2 p = startOf(plane) + ivec2(at);
     place = (plane * params.height + uint(p.y)) * params.width + uint(p.x);
@@ -34,12 +34,12 @@ ENTRY(forward) {
     uvec2 at = pixel();
     if (at.x >= params.size) return;
     uint from;
-    y.d[placeInWindow(at)] = place(at, from) ? x.d[from] : 0;
+    y.d[placeInWindow(at)] = findPixel(at, from) ? x.d[from] : 0;
 }
 
 // dx is zero before.
 ENTRY(backward) {
     uvec2 at = pixel();
     uint to;
-    if (at.x < params.size && place(at, to)) dx.d[to] = dy.d[placeInWindow(at)];
+    if (at.x < params.size && findPixel(at, to)) dx.d[to] = dy.d[placeInWindow(at)];
 }

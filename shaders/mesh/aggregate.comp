@@ -2,13 +2,12 @@
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "mesh/params.h"
-PARAMS(AggregateParams, 6)
-BUFFER(0, readonly, float, z);            // [V,2O] a vertex's own part, its part for neighbours
-BUFFER(1, readonly, int, neighbourBegin); // [V+1]
-BUFFER(2, readonly, int, neighbours);     // [2E]
-BUFFER(3, readwrite, float, y);           // [V,row] O results and whatever follows
-BUFFER(4, readonly, float, dy);           // [V,row]
-BUFFER(5, readwrite, float, dz);          // [V,2O]
+PARAMS(AggregateParams, 5)
+BUFFER(0, readonly, int, neighbourBegin); // [V+1]
+BUFFER(1, readonly, int, neighbours);     // [2E]
+BUFFER(2, readonly, float, y);            // [V,row] O results and whatever follows
+BUFFER(3, readonly, float, dy);           // [V,row]
+BUFFER(4, readwrite, float, dz);          // [V,2O] from itself, from neighbours
 
 layout(constant_id = 1) const bool kRelu = false;
 
