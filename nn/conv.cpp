@@ -266,7 +266,7 @@ void gatherProduct(Graph& graph, const Windows& w, const Tensor& image, const Te
                    const Tensor& bias, const Tensor& maps) {
     if (seesPixels(w)) return pixelProduct(graph, w, image, weight, bias, maps, false);
     if (hasOneFeature(w)) return oneFeatureMaps(graph, w, image, weight, bias, maps);
-    if (winogradPays(w)) return winogradGather(graph, w, image, weight, bias, maps);
+    if (winogradPays(graph.device(), w)) return winogradGather(graph, w, image, weight, bias, maps);
     int64_t atOnce = imagesAtOnce(w), part = windowsAtOnce(w);
     Gemm product{.m = w.features,
                  .k = w.rows(),
@@ -300,7 +300,7 @@ void weightProduct(Graph& graph, const Windows& w, const Tensor& image, const Te
                    const Tensor& dweight) {
     if (seesPixels(w)) return pixelWeights(graph, w, image, maps, dweight);
     if (hasOneFeature(w)) return oneFeatureWeights(graph, w, image, maps, dweight);
-    if (winogradPays(w)) return winogradWeights(graph, w, image, maps, dweight);
+    if (winogradPays(graph.device(), w)) return winogradWeights(graph, w, image, maps, dweight);
     int64_t atOnce = imagesAtOnce(w), part = windowsAtOnce(w);
     Gemm product{.m = w.features,
                  .n = w.rows(),
@@ -335,7 +335,7 @@ void sumProduct(Graph& graph, const Windows& w, const Tensor& maps, const Tensor
                 const Tensor& bias, const Tensor& image) {
     if (seesPixels(w)) return pixelProduct(graph, w, maps, weight, bias, image, true);
     if (hasOneFeature(w)) return oneFeatureImage(graph, w, maps, weight, bias, image);
-    if (winogradPays(w)) return winogradSum(graph, w, maps, weight, bias, image);
+    if (winogradPays(graph.device(), w)) return winogradSum(graph, w, maps, weight, bias, image);
     if (fewChannelsAtOnce(graph, w) > 0) return fewChannelsSum(graph, w, maps, weight, bias, image);
     int64_t atOnce = imagesAtOnce(w), kernel = w.kernelH * w.kernelW;
     int64_t part = std::clamp<int64_t>(kColumnsElements / (kernel * w.windows()), 1, w.channels);

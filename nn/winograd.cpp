@@ -12,19 +12,28 @@ namespace {
 // What a piece holds in tiles: enough to keep a device busy, and a bound for the memory it takes.
 constexpr int64_t kPieceElements = int64_t{1} << 22, kFewestTiles = 256;
 
-// How a layer is cut into tiles. Stride 2: nine matrices, [4 channels, tiles] of the image and
-// [features, tiles] of the maps, tiles of 2x2 windows. Stride 1: 81 matrices, or 64 of kernels 3x3,
-// one row per channel or feature, tiles of 4x4 windows.
+// How a layer is cut into tiles. Stride 2: 9 or 25 matrices, [4 channels, tiles] of the image and
+// [features, tiles] of the maps, tiles of 2x2 or 4x4 windows. Stride 1: 81 matrices, or 64 of
+// kernels 3x3, one row per channel or feature, tiles of 4x4 windows.
 struct Tiling {
-    explicit Tiling(const Windows& w) : strided(w.stride == 2) {
-        int64_t windows = strided ? 2 : 4;
-        across = (w.outWidth + windows - 1) / windows;
-        tiles = across * ((w.outHeight + windows - 1) / windows);
-        side = strided ? 3 : w.kernelW == 3 ? 8 : 9;
+    Tiling(const Device& device, const Windows& w) : strided(w.stride == 2) {
+        tile = strided && !largeTilesPay(device, w) ? 2 : 4;
+        across = (w.outWidth + tile - 1) / tile;
+        tiles = across * ((w.outHeight + tile - 1) / tile);
+        side = strided ? tile + 1 : w.kernelW == 3 ? 8 : 9;
         matrices = side * side;
         channelRows = strided ? 4 * w.channels : w.channels;
     }
+    // Larger tiles have fewer products, but 25 transformed weights for 16 in place of 9; and halves
+    // are too coarse for their factors.
+    static bool largeTilesPay(const Device& device, const Windows& w) {
+        return device.precision() == Precision::Single && w.outWidth % 8 == 0 &&
+               w.outHeight % 4 == 0 && w.images * w.windows() >= 16 * kFewestLargeTiles;
+    }
+    static constexpr int64_t kFewestLargeTiles = 128;
+
     bool strided;
+    int64_t tile;            // windows of a tile in one dimension
     int64_t across, tiles;   // in a row, in an image
     int64_t side, matrices;  // products in one dimension, in two
     int64_t channelRows;
@@ -36,9 +45,8 @@ struct Piece {
     int64_t count() const { return images * tiles; }
 };
 
-std::vector<Piece> pieces(const Windows& w, bool wholeImages) {
+std::vector<Piece> pieces(const Tiling& tiling, const Windows& w, bool wholeImages) {
     constexpr int64_t kMultiple = 32;  // tiles; of a panel's width
-    Tiling tiling(w);
     int64_t perTile = tiling.matrices * (tiling.channelRows + w.features);
     int64_t fit = std::max(kPieceElements / perTile / kMultiple * kMultiple, kFewestTiles);
     std::vector<Piece> result;
@@ -52,21 +60,55 @@ std::vector<Piece> pieces(const Windows& w, bool wholeImages) {
     return result;
 }
 
+// As conv/winograd_tiles.glsl has them. Panels are of B's columns or of A's rows.
 enum class Layout : uint32_t { Rows, TilePanels, RowPanels };
 enum class Side { Image, Maps };
 
-int64_t rowsOf(const Windows& w, Side side) {
-    return side == Side::Image ? Tiling(w).channelRows : w.features;
-}
+// The matrices of one side of a piece.
+struct Matrices {
+    Layout layout = Layout::Rows;
+    int64_t width = 1;       // of a panel
+    int64_t panelSteps = 0;  // of a panel of rows: tiles, or some more, zeros then
+    int64_t elements = 0;    // from one matrix to the next
 
-// Elements of one matrix.
-int64_t matrixElements(const Device& device, const Windows& w, const Piece& piece, Side side,
-                       Layout layout) {
-    int64_t rows = rowsOf(w, side), across = piece.count(), along = rows;
-    if (layout == Layout::Rows) return rows * across;
-    if (layout == Layout::RowPanels) std::swap(across, along);
-    int64_t width = gemmPanelWidth(device, across);
-    return (across + width - 1) / width * width * along;
+    // rows x tiles, row by row.
+    static Matrices rows(int64_t rows, int64_t tiles) {
+        Matrices m;
+        m.elements = apart(rows * tiles);
+        return m;
+    }
+    // For B: [rows, tiles], a panel being some tiles.
+    static Matrices tilePanels(const Device& device, int64_t rows, int64_t tiles) {
+        Matrices m;
+        m.layout = Layout::TilePanels;
+        m.width = gemmPanelWidth(device, tiles);
+        m.elements = apart((tiles + m.width - 1) / m.width * m.width * rows);
+        return m;
+    }
+    // For B: [tiles, rows]; or for A: [rows, tiles]; a panel being some rows.
+    static Matrices rowPanels(int64_t width, int64_t rows, int64_t steps) {
+        Matrices m;
+        m.layout = Layout::RowPanels;
+        m.width = width;
+        m.panelSteps = steps;
+        m.elements = apart((rows + width - 1) / width * width * steps);
+        return m;
+    }
+
+private:
+    // A kernel that makes tiles writes to the same place of all matrices. Were these a power of two
+    // apart, all would fall into the same few lines of a CPU's cache.
+    static int64_t apart(int64_t elements) {
+        constexpr int64_t kLine = 16;
+        return (elements + kLine - 1) / kLine * kLine + kLine;
+    }
+};
+
+// A tensor of a layer's matrices; zeros where panels have steps that none of the rows has.
+Tensor matricesTensor(Graph& graph, const Tiling& tiling, const Matrices& m, int64_t steps) {
+    Tensor matrices = graph.temporary({tiling.matrices, m.elements});
+    if (m.layout == Layout::RowPanels && m.panelSteps != steps) graph.fill(matrices);
+    return matrices;
 }
 
 // Parameters, workgroups and constants of the kernels between an image or maps and matrices.
@@ -75,9 +117,8 @@ struct TileDispatch {
     Specialisation spec;
     Groups groups;
 };
-TileDispatch tileDispatch(const Device& device, const Windows& w, const Piece& piece, Side side,
-                          Layout layout) {
-    Tiling tiling(w);
+TileDispatch tileDispatch(const Tiling& tiling, const Windows& w, const Piece& piece, Side side,
+                          const Matrices& matrices) {
     bool image = side == Side::Image;
     int64_t channels = image ? w.channels : w.features;
     int64_t height = image ? w.height : w.outHeight, width = image ? w.width : w.outWidth;
@@ -89,22 +130,29 @@ TileDispatch tileDispatch(const Device& device, const Windows& w, const Piece& p
                 .firstTile = u32(piece.firstTile),
                 .images = u32(piece.images),
                 .startImage = u32(piece.firstImage * channels * height * width),
-                .strideMatrix = u32(matrixElements(device, w, piece, side, layout)),
+                .strideMatrix = u32(matrices.elements),
+                .panelSteps = u32(matrices.panelSteps),
                 .padding = u32(w.padding),
                 .byRow = divisorOf(uint64_t(tiling.strided ? tiling.across / 2 : tiling.across))};
-    int64_t invocations = tiling.strided ? piece.tiles / 2 : piece.tiles;
-    d.groups = planes(invocations, channels, piece.images, d.spec);
-    int64_t across = layout == Layout::RowPanels ? rowsOf(w, side) : piece.count();
-    d.spec["kLayout"] = static_cast<uint32_t>(layout);
-    d.spec["kWidth"] = u32(gemmPanelWidth(device, across));
-    if (!tiling.strided) d.spec["kSide"] = u32(tiling.side);
+    // Invocations side by side write side by side: tiles or, in panels of rows, channels. Of the
+    // image under strided windows, rows of either parity are a workgroup's.
+    int64_t along = tiling.strided ? piece.tiles / 2 : piece.tiles, across = channels;
+    if (tiling.strided && matrices.layout == Layout::RowPanels) std::swap(along, across);
+    if (tiling.strided && image) across *= 2;
+    d.groups = planes(along, across, piece.images, d.spec);
+    d.spec["kLayout"] = static_cast<uint32_t>(matrices.layout);
+    d.spec["kWidth"] = u32(matrices.width);
+    if (tiling.strided)
+        d.spec["kTile"] = u32(tiling.tile);
+    else
+        d.spec["kSide"] = u32(tiling.side);
     return d;
 }
 
-Tensor toTiles(Graph& graph, Side side, Layout layout, const Windows& w, const Piece& piece,
-               const Tensor& image) {
-    TileDispatch d = tileDispatch(graph.device(), w, piece, side, layout);
-    Tensor matrices = graph.temporary({Tiling(w).matrices, d.params.strideMatrix});
+Tensor toTiles(Graph& graph, const Tiling& tiling, Side side, const Matrices& layout,
+               const Windows& w, const Piece& piece, const Tensor& image) {
+    TileDispatch d = tileDispatch(tiling, w, piece, side, layout);
+    Tensor matrices = matricesTensor(graph, tiling, layout, piece.count());
     const bool fine = side == Side::Image, texels = loadsTexels(graph.device());
     const char* kernel = w.stride == 1 ? fine ? "conv/winograd_dense.image_to_tiles"
                                               : "conv/winograd_dense.results_to_tiles"
@@ -112,14 +160,20 @@ Tensor toTiles(Graph& graph, Side side, Layout layout, const Windows& w, const P
                                               : "conv/winograd_texels.coarse_to_tiles"
                          : fine        ? "conv/winograd.fine_to_tiles"
                                        : "conv/winograd.coarse_to_tiles";
-    graph.dispatchGroups(kernel, {{"image", image}, {"matrices", matrices}}, d.params, d.groups,
-                         d.spec);
+    if (w.stride == 1 || fine)
+        graph.dispatchGroups(kernel, {{"image", image}, {"matrices", matrices}}, d.params, d.groups,
+                             d.spec);
+    else
+        graph.dispatchGroups(kernel,
+                             {{"image", image}, {"matrices", matrices}, {"single", matrices}},
+                             d.params, d.groups, d.spec);
     return matrices;
 }
 
-void fromTiles(Graph& graph, Side side, const Windows& w, const Piece& piece,
+void fromTiles(Graph& graph, const Tiling& tiling, Side side, const Windows& w, const Piece& piece,
                const Tensor& matrices, const Tensor& bias, const Tensor& image) {
-    TileDispatch d = tileDispatch(graph.device(), w, piece, side, Layout::Rows);
+    int64_t rows = side == Side::Image ? tiling.channelRows : w.features;
+    TileDispatch d = tileDispatch(tiling, w, piece, side, Matrices::rows(rows, piece.count()));
     d.spec["kBias"] = bias ? 1 : 0;
     const char* kernel = side == Side::Image ? "conv/winograd.fine_from_tiles"
                          : w.stride == 2     ? "conv/winograd.coarse_from_tiles"
@@ -129,84 +183,106 @@ void fromTiles(Graph& graph, Side side, const Windows& w, const Piece& piece,
         d.params, d.groups, d.spec);
 }
 
-// weight [features, channels, kernel, kernel] and matrices [features, channelRows], or, turned,
-// [channels, features].
-struct WeightDispatch {
-    const char* toTiles;
-    const char* fromTiles;
-    WinogradWeightsParams params;
-    Specialisation spec;
-};
-WeightDispatch weightDispatch(const Windows& w) {
-    int64_t pairs = w.features * w.channels;
-    Tiling tiling(w);
-    bool strided = tiling.strided;
-    Specialisation spec;
-    if (!strided) spec = {{"kKernel", u32(w.kernelW)}, {"kSide", u32(tiling.side)}};
-    return {strided ? "conv/winograd_weights.to_tiles" : "conv/winograd_dense_weights.to_tiles",
-            strided ? "conv/winograd_weights.from_tiles" : "conv/winograd_dense_weights.from_tiles",
-            {.pairs = u32(pairs),
-             .strideMatrix = u32(w.features * tiling.channelRows),
-             .channels = u32(w.channels),
-             .byFeatures = divisorOf(uint64_t(w.features))},
-            spec};
+// Of weight [features, channels, kernel, kernel]; byFast: of so many invocations in a row.
+WinogradWeightsParams weightsParams(const Windows& w, int64_t invocations, int64_t fast,
+                                    const Matrices& matrices) {
+    return {.invocations = u32(invocations),
+            .features = u32(w.features),
+            .channels = u32(w.channels),
+            .strideMatrix = u32(matrices.elements),
+            .panelSteps = u32(matrices.panelSteps),
+            .byFast = divisorOf(uint64_t(fast))};
 }
 
-Tensor weightsToTiles(Graph& graph, const Windows& w, const Tensor& weight, bool turned = false) {
-    Tiling tiling(w);
-    WeightDispatch d = weightDispatch(w);
-    Tensor matrices = graph.temporary({tiling.matrices, w.features, tiling.channelRows});
-    if (!tiling.strided) d.spec["kTurned"] = turned;
-    graph.dispatch(d.toTiles, {{"weight", weight}, {"matrices", matrices}}, d.params,
-                   d.params.pairs, d.spec);
-    return matrices;
+Specialisation weightsSpecialisation(const Tiling& tiling, const Windows& w) {
+    if (tiling.strided) return {{"kTile", u32(tiling.tile)}};
+    return {{"kKernel", u32(w.kernelW)}, {"kSide", u32(tiling.side)}};
+}
+
+// The left side of a product: matrices [features, channelRows] or, turned, [channelRows, features]
+// in panels of A's rows. Kernels of stride 1 are turned by half a turn then.
+struct Weights {
+    Tensor matrices;
+    int64_t rows = 0, steps = 0;
+};
+Weights weightsToTiles(Graph& graph, const Tiling& tiling, const Windows& w, const Tensor& weight,
+                       bool turned) {
+    Weights result{{}, w.features, tiling.channelRows};
+    if (turned) std::swap(result.rows, result.steps);
+    Matrices layout = Matrices::rowPanels(gemmPanelRows(graph.device(), result.rows), result.rows,
+                                          gemmPanelSteps(result.steps));
+    result.matrices = matricesTensor(graph, tiling, layout, result.steps);
+    // One invocation per two neighbours in a panel (stride 2), or one.
+    int64_t fast = turned ? w.channels : tiling.strided ? (w.features + 1) / 2 : w.features;
+    int64_t invocations = fast * (turned ? w.features : w.channels);
+    Specialisation spec = weightsSpecialisation(tiling, w);
+    spec["kTurned"] = turned;
+    spec["kWidth"] = u32(layout.width);
+    graph.dispatch(
+        tiling.strided ? "conv/winograd_weights.to_tiles" : "conv/winograd_dense_weights.to_tiles",
+        {{"weight", weight}, {"matrices", result.matrices}},
+        weightsParams(w, invocations, fast, layout), static_cast<uint64_t>(invocations), spec);
+    return result;
+}
+
+// Per matrix, products [rows, tiles] = weights B, with B's tiles in panels.
+Tensor products(Graph& graph, const Weights& weights, const Tensor& tiles, int64_t count,
+                const Tensor& largest) {
+    Matrices layout = Matrices::rows(weights.rows, count);
+    Tensor result = graph.temporary({weights.matrices.dim(0), layout.elements});
+    gemm(graph, weights.matrices, tiles, result,
+         {.m = weights.rows,
+          .n = count,
+          .k = weights.steps,
+          .panelsB = true,
+          .panelsA = true,
+          .batch = result.dim(0),
+          .strideA = weights.matrices.dim(1),
+          .strideB = tiles.dim(1),
+          .strideC = layout.elements,
+          .largestB = largest});
+    return result;
 }
 
 // maps = weights columns(image) (+ bias), the weights as matrices.
-void gather(Graph& graph, const Windows& w, const Tensor& image, const Tensor& weights,
-            const Tensor& bias, const Tensor& maps) {
-    Tiling tiling(w);
-    for (const Piece& piece : pieces(w, false)) {
+void gather(Graph& graph, const Tiling& tiling, const Windows& w, const Tensor& image,
+            const Weights& weights, const Tensor& bias, const Tensor& maps) {
+    for (const Piece& piece : pieces(tiling, w, false)) {
         int64_t tiles = piece.count();
-        Tensor seen = toTiles(graph, Side::Image, Layout::TilePanels, w, piece, image);
-        Tensor products = graph.temporary({tiling.matrices, w.features, tiles});
-        gemm(graph, weights, seen, products,
-             {.m = w.features,
-              .n = tiles,
-              .k = tiling.channelRows,
-              .panelsB = true,
-              .batch = tiling.matrices,
-              .strideA = w.features * tiling.channelRows,
-              .strideB = seen.dim(1),
-              .strideC = w.features * tiles,
-              .largestB = w.largestImage});
-        fromTiles(graph, Side::Maps, w, piece, products, bias, maps);
+        Tensor seen = toTiles(graph, tiling, Side::Image,
+                              Matrices::tilePanels(graph.device(), tiling.channelRows, tiles), w,
+                              piece, image);
+        Tensor made = products(graph, weights, seen, tiles, w.largestImage);
+        fromTiles(graph, tiling, Side::Maps, w, piece, made, bias, maps);
     }
 }
 
 }  // namespace
 
-bool winogradPays(const Windows& w) {
+bool winogradPays(const Device& device, const Windows& w) {
     if (w.kernelH != w.kernelW || w.channels < 16 || w.features < 16) return false;
     bool strided =
         w.kernelW == 4 && w.stride == 2 && w.padding == 1 && w.height % 4 == 0 && w.width % 8 == 0;
     bool dense = (w.kernelW == 3 || w.kernelW == 4) && w.stride == 1 && w.padding < w.kernelW;
     if (!strided && !dense) return false;
     // The kernels count elements of all matrices in 32 bits; a piece may be a whole image.
-    Tiling tiling(w);
+    Tiling tiling(device, w);
     int64_t rows = std::max({tiling.channelRows, w.features, w.channels});
     int64_t most = std::max({tiling.tiles, kFewestTiles, rows});
     if (tiling.matrices * rows * most >= int64_t{1} << 31) return false;
-    return w.images * tiling.tiles >= 64;
+    return w.images * w.windows() >= (strided ? 256 : 1024);
 }
 
 void winogradGather(Graph& graph, const Windows& w, const Tensor& image, const Tensor& weight,
                     const Tensor& bias, const Tensor& maps) {
-    gather(graph, w, image, weightsToTiles(graph, w, weight), bias, maps);
+    Tiling tiling(graph.device(), w);
+    gather(graph, tiling, w, image, weightsToTiles(graph, tiling, w, weight, false), bias, maps);
 }
 
 void winogradSum(Graph& graph, const Windows& w, const Tensor& maps, const Tensor& weight,
                  const Tensor& bias, const Tensor& image) {
+    Tiling tiling(graph.device(), w);
+    Weights weights = weightsToTiles(graph, tiling, w, weight, true);
     if (w.stride == 1) {  // a convolution of the maps, with the kernels turned
         Windows turned = w;
         std::swap(turned.channels, turned.features);
@@ -214,56 +290,57 @@ void winogradSum(Graph& graph, const Windows& w, const Tensor& maps, const Tenso
         std::swap(turned.width, turned.outWidth);
         std::swap(turned.largestImage, turned.largestMaps);
         turned.padding = w.kernelW - 1 - w.padding;
-        gather(graph, turned, maps, weightsToTiles(graph, w, weight, true), bias, image);
+        gather(graph, Tiling(graph.device(), turned), turned, maps, weights, bias, image);
         return;
     }
-    Tiling tiling(w);
-    Tensor weights = weightsToTiles(graph, w, weight);
-    for (const Piece& piece : pieces(w, true)) {
+    for (const Piece& piece : pieces(tiling, w, true)) {
         int64_t tiles = piece.count();
-        Tensor given = toTiles(graph, Side::Maps, Layout::TilePanels, w, piece, maps);
-        Tensor products = graph.temporary({tiling.matrices, tiling.channelRows, tiles});
-        gemm(graph, weights, given, products,
-             {.m = tiling.channelRows,
-              .n = tiles,
-              .k = w.features,
-              .transA = true,
-              .panelsB = true,
-              .batch = tiling.matrices,
-              .strideA = w.features * tiling.channelRows,
-              .strideB = given.dim(1),
-              .strideC = tiling.channelRows * tiles,
-              .largestB = w.largestMaps});
-        fromTiles(graph, Side::Image, w, piece, products, bias, image);
+        Tensor given =
+            toTiles(graph, tiling, Side::Maps,
+                    Matrices::tilePanels(graph.device(), w.features, tiles), w, piece, maps);
+        Tensor made = products(graph, weights, given, tiles, w.largestMaps);
+        fromTiles(graph, tiling, Side::Image, w, piece, made, bias, image);
     }
 }
 
 void winogradWeights(Graph& graph, const Windows& w, const Tensor& image, const Tensor& maps,
                      const Tensor& dweight) {
-    Tiling tiling(w);
-    Tensor sums = graph.temporary({tiling.matrices, w.features, tiling.channelRows});
+    const Device& device = graph.device();
+    Tiling tiling(device, w);
+    Matrices sumsLayout = Matrices::rows(w.features, tiling.channelRows);
+    Tensor sums = graph.temporary({tiling.matrices, sumsLayout.elements});
     bool first = true;
-    for (const Piece& piece : pieces(w, false)) {
+    for (const Piece& piece : pieces(tiling, w, false)) {
         int64_t tiles = piece.count();
-        Tensor given = toTiles(graph, Side::Maps, Layout::Rows, w, piece, maps);
-        Tensor seen = toTiles(graph, Side::Image, Layout::RowPanels, w, piece, image);
+        Tensor given = toTiles(graph, tiling, Side::Maps,
+                               Matrices::rowPanels(gemmPanelRows(device, w.features), w.features,
+                                                   gemmPanelSteps(tiles)),
+                               w, piece, maps);
+        Tensor seen = toTiles(graph, tiling, Side::Image,
+                              Matrices::rowPanels(gemmPanelWidth(device, tiling.channelRows),
+                                                  tiling.channelRows, tiles),
+                              w, piece, image);
         gemm(graph, given, seen, sums,
              {.m = w.features,
               .n = tiling.channelRows,
               .k = tiles,
               .panelsB = true,
+              .panelsA = true,
               .accumulate = !first,
               .batch = tiling.matrices,
-              .strideA = w.features * tiles,
+              .strideA = given.dim(1),
               .strideB = seen.dim(1),
-              .strideC = w.features * tiling.channelRows,
+              .strideC = sums.dim(1),
               .largestA = w.largestMaps,
               .largestB = w.largestImage});
         first = false;
     }
-    WeightDispatch d = weightDispatch(w);
-    graph.dispatch(d.fromTiles, {{"weight", dweight}, {"matrices", sums}}, d.params, d.params.pairs,
-                   d.spec);
+    int64_t invocations = w.features * w.channels;
+    graph.dispatch(tiling.strided ? "conv/winograd_weights.from_tiles"
+                                  : "conv/winograd_dense_weights.from_tiles",
+                   {{"weight", dweight}, {"matrices", sums}},
+                   weightsParams(w, invocations, w.channels, sumsLayout),
+                   static_cast<uint64_t>(invocations), weightsSpecialisation(tiling, w));
 }
 
 }  // namespace doppel

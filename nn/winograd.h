@@ -1,6 +1,6 @@
-// Convolutions with fewer products: 4x4 of stride 2 and padding 1 with nine sixteenths of them
-// (shaders/conv/winograd.glsl; the finer image is the windows' image, the coarser one its maps), of
-// stride 1 with less than a third, 3x3 with less than half (shaders/conv/winograd_dense.comp). For
+// Convolutions with fewer products: 4x4 of stride 2 and padding 1 with nine sixteenths of them or
+// two fifths (shaders/conv/winograd.glsl; the finer image is the windows' image, the coarser one its
+// maps), of stride 1 with less than a third, 3x3 with less than half (conv/winograd_dense.comp). For
 // nn/conv.cpp; each adds its dispatches to the current op.
 #pragma once
 
@@ -9,7 +9,7 @@
 namespace doppel {
 
 // Whether the layer is of that kind and large enough to gain.
-bool winogradPays(const Windows& w);
+bool winogradPays(const Device& device, const Windows& w);
 
 // maps = weight columns(image) (+ bias per feature)
 void winogradGather(Graph& graph, const Windows& w, const Tensor& image, const Tensor& weight,

@@ -150,10 +150,11 @@ TEST(Conv, FewChannels) {
 }
 
 // Large enough for Winograd's way: tiles of one image and of several, in panels that are full and
-// that are not.
+// that are not; of stride 2, small ones and large ones.
 TEST(Conv, Winograd) {
     const Case cases[] = {
         {{1, 16, 32, 32}, {17, 16, 4, 4}, 2, 1}, {{3, 17, 12, 40}, {16, 17, 4, 4}, 2, 1, false},
+        {{1, 16, 64, 64}, {17, 16, 4, 4}, 2, 1}, {{3, 18, 40, 48}, {16, 18, 4, 4}, 2, 1, false},
         {{1, 17, 31, 34}, {16, 17, 4, 4}, 1, 1}, {{5, 16, 15, 15}, {18, 16, 4, 4}, 1, 3, false},
         {{1, 17, 32, 34}, {16, 17, 3, 3}, 1, 1}, {{5, 16, 15, 14}, {18, 16, 3, 3}, 1, 2, false},
         {{2, 16, 31, 33}, {16, 16, 3, 3}, 1, 0}};
@@ -186,17 +187,17 @@ TEST(Conv, SinglePixels) {
 // Which layers take Winograd's way; not one whose matrices the kernels cannot count.
 TEST(Conv, WinogradPays) {
     auto pays = [](int64_t channels, int64_t side, int64_t stride, int64_t kernel = 4) {
-        return winogradPays({.images = 1,
-                             .channels = channels,
-                             .height = side,
-                             .width = side,
-                             .features = 64,
-                             .kernelH = kernel,
-                             .kernelW = kernel,
-                             .stride = stride,
-                             .padding = 1,
-                             .outHeight = (side + 2 - kernel) / stride + 1,
-                             .outWidth = (side + 2 - kernel) / stride + 1});
+        return winogradPays(testDevice(), {.images = 1,
+                                           .channels = channels,
+                                           .height = side,
+                                           .width = side,
+                                           .features = 64,
+                                           .kernelH = kernel,
+                                           .kernelW = kernel,
+                                           .stride = stride,
+                                           .padding = 1,
+                                           .outHeight = (side + 2 - kernel) / stride + 1,
+                                           .outWidth = (side + 2 - kernel) / stride + 1});
     };
     EXPECT_TRUE(pays(64, 256, 2));
     EXPECT_TRUE(pays(64, 255, 1));

@@ -31,8 +31,8 @@ struct MapsParams {
     uint windows, images;
     Divisor byWindows, byFeatures;
 };
-// A convolution 4x4 by tiles: of stride 2 and padding 1 (conv/winograd.comp), where a tile has 6x6
-// pixels of the finer image and 2x2 of the coarser one; or of stride 1 (conv/winograd_dense.comp).
+// A convolution by tiles: 4x4 of stride 2 and padding 1 (conv/winograd.comp), or of stride 1
+// (conv/winograd_dense.comp).
 struct WinogradParams {
     uint channels, height, width;  // of the image at hand
     uint tiles;                    // of one image in this piece
@@ -40,14 +40,16 @@ struct WinogradParams {
     uint images;                   // their tiles follow each other
     uint startImage;               // elements to the first image
     uint strideMatrix;             // elements from one matrix to the next
+    uint panelSteps;               // that a panel of rows has: tiles, or some more
     uint padding;                  // stride 1
     Divisor byRow;                 // stride 1: tiles of a row; stride 2: pairs of them
 };
 struct WinogradWeightsParams {
-    uint pairs;             // of channels, coarse and fine, or features and channels
-    uint strideMatrix;      // elements from one matrix to the next
-    uint channels;          // stride 1
-    Divisor byFeatures;     // stride 1
+    uint invocations;
+    uint features, channels;  // stride 2: coarse and fine
+    uint strideMatrix;        // elements from one matrix to the next
+    uint panelSteps;          // that a panel has
+    Divisor byFast;           // invocations of what neighbours in a panel differ in
 };
 struct FewChannelsParams {
     uint channels, features;

@@ -11,78 +11,110 @@
 ENTRY(fine_to_tiles) { fineToTiles(); }
 ENTRY(coarse_to_tiles) { coarseToTiles(); }
 
-// A^T of the nine products (+ bias).
+// A^T of the products (+ bias).
 ENTRY(coarse_from_tiles) {
-    uint pair = pairInPiece();
-    if (pair >= params.tiles / 2) return;
+    Work work = workOf(false);
+    if (!work.any) return;
+    uint pair = work.pair, channel = work.channel;
     uvec2 at = tilePair(pair);
     uint tile = gl_WorkGroupID.z * params.tiles + 2 * pair;
-    vec2 left[3], right[3];  // per my, both tiles
-    [[unroll]] for (uint my = 0; my < 3; ++my) {
-        vec2 m[3];
-        [[unroll]] for (uint mx = 0; mx < 3; ++mx)
-            m[mx] = unpackPair(matrices.d[place(3 * my + mx, channel(), tile, params.channels) / 2]);
-        left[my] = m[0] + m[1];
-        right[my] = m[1] - m[2];
+    float down[2][4][5];  // tile, row, point
+    [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) {
+        float m[2][5];
+        [[unroll]] for (uint my = 0; my < kPoints; ++my) {
+            uint from = place(kPoints * my + mx, channel, tile, params.channels);
+            vec2 both = unpackPair(matrices.d[from / 2]);
+            [[unroll]] for (uint t = 0; t < 2; ++t) m[t][my] = both[t];
+        }
+        [[unroll]] for (uint t = 0; t < 2; ++t) {
+            float c[4];
+            fromProducts(m[t], c);
+            [[unroll]] for (uint r = 0; r < kTile; ++r) down[t][r][mx] = c[r];
+        }
     }
-    float b = kBias ? bias.d[channel()] : 0;
-    [[unroll]] for (uint r = 0; r < 2; ++r) {
-        vec2 l = (r == 0 ? left[0] + left[1] : left[1] - left[2]) + b;
-        vec2 n = (r == 0 ? right[0] + right[1] : right[1] - right[2]) + b;
-        uint pixel = plane() + (2 * at.y + r) * params.width + 4 * at.x;
-        result.d[pixel / 2] = packPair(vec2(l.x, n.x));
-        result.d[pixel / 2 + 1] = packPair(vec2(l.y, n.y));
+    float b = kBias ? bias.d[channel] : 0;
+    [[unroll]] for (uint r = 0; r < kTile; ++r) {
+        uint pixel = plane(channel) + (kTile * at.y + r) * params.width + 2 * kTile * at.x;
+        [[unroll]] for (uint t = 0; t < 2; ++t) {
+            float c[4];
+            fromProducts(down[t][r], c);
+            [[unroll]] for (uint i = 0; i < kTile; i += 2)
+                result.d[(pixel + kTile * t + i) / 2] = packPair(vec2(c[i], c[i + 1]) + b);
+        }
     }
 }
 
-// Row my of the tiles in tile row y, one phase: what four pixels get that are two apart. For px = 1
+// What a tile reaches into the one before it (B's first row) or behind it (its last).
+float reachBefore(float firstProduct) { return firstProduct; }
+float reachBehind(float lastProduct) { return kTile == 2 ? -lastProduct : lastProduct; }
+
+// Row my of a pair of tiles in tile row y, one phase: what pixels get that are two apart. For px = 1
 // they are the pair's first, third, …, and the tile to the left reaches into the first; for px = 0
 // the second, fourth, …, and the tile to the right into the last.
-vec4 along(uint row, uint my, uint px, uint x, uint y) {
-    uint pairs = params.byRow.divisor, tilesDown = params.height / 4;
-    if (y >= tilesDown) return vec4(0);
-    uint first = gl_WorkGroupID.z * params.tiles + 2 * (y * pairs + x);
+void along(uint row, uint my, uint px, uint x, uint y, out float u[8]) {
+    uint pairs = params.byRow.divisor, tilesDown = params.height / (2 * kTile);
+    bool inside = y < tilesDown;  // above the first row, positions wrap to large ones
+    uint first = gl_WorkGroupID.z * params.tiles + 2 * ((inside ? y : 0) * pairs + x);
     uint rows = 4 * params.channels;
-    vec2 m[3];
-    [[unroll]] for (uint mx = 0; mx < 3; ++mx)
-        m[mx] = unpackPair(matrices.d[place(3 * my + mx, row, first, rows) / 2]);
-    vec2 inner = m[1] + m[2] - m[0];
-    float between = m[0].y - m[2].x;
-    if (px == 1) {
-        vec2 beside = unpackPair(matrices.d[place(3 * my + 2, row, x > 0 ? first - 2 : first, rows) / 2]);
-        return vec4(m[0].x - (x > 0 ? beside.y : 0), inner.x, between, inner.y);
+    float m[2][5], own[2][5];
+    [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) {
+        vec2 both = unpackPair(matrices.d[place(kPoints * my + mx, row, first, rows) / 2]);
+        [[unroll]] for (uint t = 0; t < 2; ++t) m[t][mx] = both[t];
     }
-    bool inside = x + 1 < pairs;
-    vec2 beside = unpackPair(matrices.d[place(3 * my, row, inside ? first + 2 : first, rows) / 2]);
-    return vec4(inner.x, between, inner.y, (inside ? beside.x : 0) - m[2].y);
+    [[unroll]] for (uint t = 0; t < 2; ++t) {
+        fromPoints(m[t], own[t]);
+        [[unroll]] for (uint i = 0; i < kTile; ++i) u[kTile * t + i] = own[t][i + 1 - px];
+    }
+    if (px == 1) {
+        uint matrix = kPoints * my + kPoints - 1;
+        vec2 left = unpackPair(matrices.d[place(matrix, row, x > 0 ? first - 2 : first, rows) / 2]);
+        u[0] += x > 0 ? reachBehind(left.y) : 0;
+        u[kTile] += own[0][kTile];
+    } else {
+        bool last = x + 1 == pairs;
+        vec2 right = unpackPair(
+            matrices.d[place(kPoints * my, row, last ? first : first + 2, rows) / 2]);
+        u[kTile - 1] += own[1][0];
+        u[2 * kTile - 1] += last ? 0 : reachBefore(right.x);
+    }
+    if (!inside)
+        [[unroll]] for (uint i = 0; i < 2 * kTile; ++i) u[i] = 0;
 }
 
-// B of the nine products (+ bias): 4x8 pixels of the finer image, from the tiles over them. The
-// piece is the whole image.
+// B of the products (+ bias): the rows of one parity of the finer image under a pair of tiles, 4
+// kTile pixels each, from the tiles over them. The piece is the whole image.
 ENTRY(fine_from_tiles) {
-    uint pair = pairInPiece();
-    if (pair >= params.tiles / 2) return;
+    Work work = workOf(true);
+    if (!work.any) return;
+    uint pair = work.pair, channel = work.channel, py = work.py;
     uvec2 at = tilePair(pair);
-    float b = kBias ? bias.d[channel()] : 0;
-    [[unroll]] for (uint py = 0; py < 2; ++py) {
-        vec4 pixels[2][2];  // row, px
-        [[unroll]] for (uint px = 0; px < 2; ++px) {
-            uint row = 4 * channel() + 2 * py + px;
-            vec4 first = along(row, 0, px, at.x, at.y), last = along(row, 2, px, at.x, at.y);
-            vec4 inner = along(row, 1, px, at.x, at.y) + last - first;
-            if (py == 1) {
-                pixels[0][px] = first - along(row, 2, px, at.x, at.y - 1);
-                pixels[1][px] = inner;
-            } else {
-                pixels[0][px] = inner;
-                pixels[1][px] = along(row, 0, px, at.x, at.y + 1) - last;
-            }
+    float b = kBias ? bias.d[channel] : 0;
+    float pixels[2][4][8];  // px, row, two apart
+    [[unroll]] for (uint px = 0; px < 2; ++px) {
+        uint row = 4 * channel + 2 * py + px;
+        float down[8][5];
+        [[unroll]] for (uint my = 0; my < kPoints; ++my) {
+            float u[8];
+            along(row, my, px, at.x, at.y, u);
+            [[unroll]] for (uint i = 0; i < 2 * kTile; ++i) down[i][my] = u[i];
         }
-        [[unroll]] for (uint r = 0; r < 2; ++r) {
-            uint pixel = plane() + (4 * at.y + 2 * r + 1 - py) * params.width + 8 * at.x;
-            [[unroll]] for (uint i = 0; i < 4; ++i)
-                result.d[pixel / 2 + i] =
-                    packPair(vec2(pixels[r][1][i], pixels[r][0][i]) + b);
+        float beside[8];  // of the tiles above, or below
+        along(row, py == 1 ? kPoints - 1 : 0, px, at.x, py == 1 ? at.y - 1 : at.y + 1, beside);
+        [[unroll]] for (uint i = 0; i < 2 * kTile; ++i) {
+            float u[5];
+            fromPoints(down[i], u);
+            [[unroll]] for (uint r = 0; r < kTile; ++r)
+                pixels[px][r][i] = (py == 1 ? u[r] : u[r + 1]) + b;
+            if (py == 1)
+                pixels[px][0][i] += reachBehind(beside[i]);
+            else
+                pixels[px][kTile - 1][i] += reachBefore(beside[i]);
         }
+    }
+    [[unroll]] for (uint r = 0; r < kTile; ++r) {
+        uint y = 2 * (kTile * at.y + r) + 1 - py;
+        uint pixel = plane(channel) + y * params.width + 4 * kTile * at.x;
+        [[unroll]] for (uint i = 0; i < 2 * kTile; ++i)
+            result.d[pixel / 2 + i] = packPair(vec2(pixels[1][r][i], pixels[0][r][i]));
     }
 }

@@ -41,7 +41,8 @@ uint place(uint matrix, uint tile) {
     uint tiles = params.images * params.tiles, row = channel(), at = row * tiles + tile;
     if (kLayout == kTilePanels)
         at = (tile / kWidth * params.channels + row) * kWidth + tile % kWidth;
-    if (kLayout == kRowPanels) at = (row / kWidth * tiles + tile) * kWidth + row % kWidth;
+    if (kLayout == kRowPanels)
+        at = (row / kWidth * params.panelSteps + tile) * kWidth + row % kWidth;
     return matrix * params.strideMatrix + at;
 }
 

@@ -12,6 +12,7 @@ BUFFER(1, readwrite, float, matrices);  // [features, channels] each; kTurned: [
 layout(constant_id = 1) const bool kTurned = false;
 layout(constant_id = 2) const uint kKernel = 4;  // or 3
 layout(constant_id = 3) const uint kSide = 9;
+layout(constant_id = 4) const uint kWidth = 32;  // of a panel of to_tiles, see conv/winograd_weights
 const uint kTaps = kKernel * kKernel;
 
 void nineOf(float w[4], out float u[9]) {
@@ -29,15 +30,13 @@ vec4 fourOf(float s[9]) {
     return vec4(a.x + b.x, b.x + c.x, a.y + b.y, b.y + c.y);
 }
 
-// One invocation per feature and channel, neighbours in the matrices.
+// One invocation per feature and channel, neighbours in a panel (linalg/gemm.glsl).
 ENTRY(to_tiles) {
     uint i = linearIndex();
-    if (i >= params.pairs) return;
-    uint from = i;
-    if (kTurned) {
-        uint channel = quotient(i, params.byFeatures);
-        from = remainder(i, channel, params.byFeatures) * params.channels + channel;
-    }
+    if (i >= params.invocations) return;
+    uint step = quotient(i, params.byFast), row = remainder(i, step, params.byFast);
+    uint from = kTurned ? step * params.channels + row : row * params.channels + step;
+    uint to = (row / kWidth * params.panelSteps + step) * kWidth + row % kWidth;
     float across[4][9];
     [[unroll]] for (uint r = 0; r < 4; ++r) {
         float w[4];
@@ -53,13 +52,13 @@ ENTRY(to_tiles) {
         float u[9];
         nineOf(float[4](across[0][mx], across[1][mx], across[2][mx], across[3][mx]), u);
         [[unroll]] for (uint my = 0; my < kSide; ++my)
-            matrices.d[(kSide * my + mx) * params.strideMatrix + i] = u[my];
+            matrices.d[(kSide * my + mx) * params.strideMatrix + to] = u[my];
     }
 }
 
 ENTRY(from_tiles) {
     uint i = linearIndex();
-    if (i >= params.pairs) return;
+    if (i >= params.invocations) return;
     vec4 down[9];
     down[8] = vec4(0);
     [[unroll]] for (uint mx = 0; mx < kSide; ++mx) {

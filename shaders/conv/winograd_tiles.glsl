@@ -1,40 +1,52 @@
 // Winograd's matrices of images and maps (conv/winograd.glsl). With TEXEL_LOADS = 1, for CPUs, four
 // pixels are read at once; common/op.glsl says why.
-PARAMS(WinogradParams, 4)
+PARAMS(WinogradParams, 5)
 #if TEXEL_LOADS
 TEXELS(0, image);                          // [images, channels, height, width]
 #else
 BUFFER(0, readonly, uint64_t, image);      // likewise, in pairs
 #endif
-BUFFER(1, readwrite, uint64_t, matrices);  // nine, in pairs of tiles or of rows
+BUFFER(1, readwrite, uint64_t, matrices);  // in pairs of tiles or of rows
 BUFFER(2, writeonly, uint64_t, result);    // as image
 BUFFER(3, readonly, float, bias);          // [channels]
+BUFFER(4, writeonly, float, single);       // the matrices, one by one
 
-// How the matrices lie: row by row; or as the right side of a product (linalg/gemm.glsl) in panels
-// of kWidth tiles, or of kWidth rows.
-layout(constant_id = 1) const uint kLayout = 0;
-layout(constant_id = 2) const uint kWidth = 32;  // a power of two
-layout(constant_id = 3) const bool kBias = false;
+// How the matrices lie: row by row, or in panels of a product (linalg/gemm.glsl), of kWidth tiles or
+// of kWidth rows.
+layout(constant_id = 2) const uint kLayout = 0;
+layout(constant_id = 3) const uint kWidth = 32;  // a power of two
+layout(constant_id = 4) const bool kBias = false;
 const uint kRows = 0, kTilePanels = 1, kRowPanels = 2;
 
-// Workgroups: x pairs of tiles side by side, y channels, z images.
-uint pairInPiece() { return gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationID.x; }
-uint channel() { return gl_WorkGroupID.y; }
+// Workgroups: x pairs of tiles side by side, y channels; or, in panels of rows, the other way round,
+// so that neighbours write side by side. Of the finer image y is there twice, for py = 0 and 1. z
+// images.
+struct Work {
+    uint pair, channel, py;
+    bool any;
+};
+Work workOf(bool fine) {
+    uint x = gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationID.x;
+    uint y = fine ? gl_WorkGroupID.y / 2 : gl_WorkGroupID.y, py = gl_WorkGroupID.y % 2;
+    if (kLayout == kRowPanels) return Work(y, x, py, x < params.channels);
+    return Work(x, y, py, x < params.tiles / 2);
+}
 // Tile row and pair within it.
 uvec2 tilePair(uint pair) {
     uint at = params.firstTile / 2 + pair, row = quotient(at, params.byRow);
     return uvec2(remainder(at, row, params.byRow), row);
 }
-uint plane() {
+uint plane(uint channel) {
     return params.startImage +
-           (gl_WorkGroupID.z * params.channels + channel()) * params.height * params.width;
+           (gl_WorkGroupID.z * params.channels + channel) * params.height * params.width;
 }
 
 // Of a matrix: the element of a row and a tile of the piece.
 uint place(uint matrix, uint row, uint tile, uint rows) {
-    uint tiles = params.images * params.tiles, at = row * tiles + tile;
+    uint at = row * params.images * params.tiles + tile;
     if (kLayout == kTilePanels) at = (tile / kWidth * rows + row) * kWidth + tile % kWidth;
-    if (kLayout == kRowPanels) at = (row / kWidth * tiles + tile) * kWidth + row % kWidth;
+    if (kLayout == kRowPanels)
+        at = (row / kWidth * params.panelSteps + tile) * kWidth + row % kWidth;
     return matrix * params.strideMatrix + at;
 }
 
@@ -50,70 +62,81 @@ vec4 fourPixels(uint start, uint y, uint x) {
     return inside ? v : vec4(0);
 }
 
-// B^T f: per tile of 6x6 pixels and phase.
+// B^T f: per tile of (2 kTile + 2)^2 pixels and phase.
 void fineToTiles() {
-    uint pair = pairInPiece();
-    if (pair >= params.tiles / 2) return;
+    Work work = workOf(true);
+    if (!work.any) return;
+    uint pair = work.pair, channel = work.channel, py = work.py;
     uvec2 at = tilePair(pair);
-    uint start = plane(), tile = gl_WorkGroupID.z * params.tiles + 2 * pair;
-    uint rows = 4 * params.channels;
-    vec3 across[2][6][2];  // tile, row of pixels, px
-    [[unroll]] for (uint r = 0; r < 6; ++r) {
-        // Of 16 pixels from x on, the twelve in the middle.
-        uint y = 4 * at.y + r - 1, x = 8 * at.x - 4;
-        float v[16];
-        [[unroll]] for (uint i = 0; i < 4; ++i) {
+    uint start = plane(channel), tile = gl_WorkGroupID.z * params.tiles + 2 * pair;
+    float across[2][2][5][5];  // tile, px, point, row of the phase
+    [[unroll]] for (uint r = 0; r < kPoints; ++r) {
+        // The pair's pixels, and four more at both ends, of which one is wanted.
+        uint y = 2 * (kTile * at.y + r) + py - 1, x = 4 * kTile * at.x - 4;
+        float v[24];
+        [[unroll]] for (uint i = 0; i < kTile + 2; ++i) {
             vec4 four = fourPixels(start, y, x + 4 * i);
             [[unroll]] for (uint k = 0; k < 4; ++k) v[4 * i + k] = four[k];
         }
         [[unroll]] for (uint t = 0; t < 2; ++t)
             [[unroll]] for (uint px = 0; px < 2; ++px) {
-                uint first = 3 + 4 * t + px;
-                across[t][r][px] = vec3(v[first] - v[first + 2], v[first + 2],
-                                        v[first + 2] - v[first + 4]);
+                float u[5], m[5];
+                [[unroll]] for (uint i = 0; i < kPoints; ++i) u[i] = v[3 + 2 * (kTile * t + i) + px];
+                toPoints(u, m);
+                [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) across[t][px][mx][r] = m[mx];
             }
     }
-    [[unroll]] for (uint py = 0; py < 2; ++py)
-        [[unroll]] for (uint my = 0; my < 3; ++my) {
-            vec3 u[2][2];  // tile, px
-            [[unroll]] for (uint t = 0; t < 2; ++t)
-                [[unroll]] for (uint px = 0; px < 2; ++px) {
-                    vec3 middle = across[t][2 + py][px];
-                    u[t][px] = my == 0   ? across[t][py][px] - middle
-                               : my == 1 ? middle
-                                         : middle - across[t][4 + py][px];
-                }
-            uint row = 4 * channel() + 2 * py;
-            [[unroll]] for (uint mx = 0; mx < 3; ++mx)
-                [[unroll]] for (uint i = 0; i < 2; ++i) {
-                    vec2 v = kLayout == kRowPanels ? vec2(u[i][0][mx], u[i][1][mx])
-                                                   : vec2(u[0][i][mx], u[1][i][mx]);
-                    uint to = kLayout == kRowPanels ? place(3 * my + mx, row, tile + i, rows)
-                                                    : place(3 * my + mx, row + i, tile, rows);
-                    matrices.d[to / 2] = packPair(v);
-                }
-        }
+    uint row = 4 * channel + 2 * py, rows = 4 * params.channels;
+    [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) {
+        float m[2][2][5];  // tile, px, point
+        [[unroll]] for (uint t = 0; t < 2; ++t)
+            [[unroll]] for (uint px = 0; px < 2; ++px) toPoints(across[t][px][mx], m[t][px]);
+        [[unroll]] for (uint my = 0; my < kPoints; ++my)
+            [[unroll]] for (uint i = 0; i < 2; ++i) {
+                uint matrix = kPoints * my + mx;
+                if (kLayout == kRowPanels)
+                    matrices.d[place(matrix, row, tile + i, rows) / 2] =
+                        packPair(vec2(m[i][0][my], m[i][1][my]));
+                else
+                    matrices.d[place(matrix, row + i, tile, rows) / 2] =
+                        packPair(vec2(m[0][i][my], m[1][i][my]));
+            }
+    }
 }
 
-// A c: per tile of 2x2 pixels.
+// A c: per tile of kTile^2 pixels.
 void coarseToTiles() {
-    uint pair = pairInPiece();
-    if (pair >= params.tiles / 2) return;
+    Work work = workOf(false);
+    if (!work.any) return;
+    uint pair = work.pair, channel = work.channel;
     uvec2 at = tilePair(pair);
     uint tile = gl_WorkGroupID.z * params.tiles + 2 * pair;
-    vec2 c[2][2];  // tile, row of pixels
-    [[unroll]] for (uint r = 0; r < 2; ++r) {
-        vec4 four = fourPixels(plane(), 2 * at.y + r, 4 * at.x);
-        c[0][r] = four.xy;
-        c[1][r] = four.zw;
+    float across[2][5][4];  // tile, point, row
+    [[unroll]] for (uint r = 0; r < kTile; ++r) {
+        float v[8];
+        [[unroll]] for (uint i = 0; i < kTile / 2; ++i) {
+            vec4 four = fourPixels(plane(channel), kTile * at.y + r, 2 * kTile * at.x + 4 * i);
+            [[unroll]] for (uint k = 0; k < 4; ++k) v[4 * i + k] = four[k];
+        }
+        [[unroll]] for (uint t = 0; t < 2; ++t) {
+            float c[4], m[5];
+            [[unroll]] for (uint i = 0; i < kTile; ++i) c[i] = v[kTile * t + i];
+            toProducts(c, m);
+            [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) across[t][mx][r] = m[mx];
+        }
     }
-    [[unroll]] for (uint my = 0; my < 3; ++my) {
-        vec2 row[2];
-        [[unroll]] for (uint t = 0; t < 2; ++t)
-            row[t] = my == 0 ? c[t][0] : my == 1 ? c[t][0] + c[t][1] : -c[t][1];
-        vec2 left = vec2(row[0].x, row[1].x), right = vec2(row[0].y, row[1].y);
-        [[unroll]] for (uint mx = 0; mx < 3; ++mx)
-            matrices.d[place(3 * my + mx, channel(), tile, params.channels) / 2] =
-                packPair(mx == 0 ? left : mx == 1 ? left + right : -right);
+    [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) {
+        float m[2][5];
+        [[unroll]] for (uint t = 0; t < 2; ++t) toProducts(across[t][mx], m[t]);
+        [[unroll]] for (uint my = 0; my < kPoints; ++my) {
+            uint matrix = kPoints * my + mx;
+            if (kLayout == kRowPanels) {
+                [[unroll]] for (uint t = 0; t < 2; ++t)
+                    single.d[place(matrix, channel, tile + t, params.channels)] = m[t][my];
+            } else {
+                matrices.d[place(matrix, channel, tile, params.channels) / 2] =
+                    packPair(vec2(m[0][my], m[1][my]));
+            }
+        }
     }
 }

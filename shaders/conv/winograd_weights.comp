@@ -7,46 +7,78 @@
 #include "conv/winograd.glsl"
 PARAMS(WinogradWeightsParams, 2)
 BUFFER(0, readwrite, uint64_t, weight);    // [coarse, fine, 4, 4] in pairs along x
-BUFFER(1, readwrite, uint64_t, matrices);  // nine [coarse, 4 fine], in pairs of px
+BUFFER(1, readwrite, uint64_t, matrices);  // [coarse, 4 fine] each, in pairs
 
-// One invocation per coarse and fine channel. A pair holds both px: kernel columns 2a and 2a + 1.
-uint place(uint matrix, uint py, uint i) { return (matrix * params.strideMatrix + 4 * i) / 2 + py; }
+// For the left side of a product: panels (linalg/gemm.glsl) of kWidth coarse channels or, kTurned,
+// of kWidth rows of the finer image.
+layout(constant_id = 2) const uint kWidth = 32;
+layout(constant_id = 3) const bool kTurned = false;
 
-// G w = [w0, w0 + w1, w1], along both axes.
+// The points of weight's kernels of phases (py, 0) and (py, 1).
+void pointsOf(uint weightIndex, uint py, out vec2 g[5][5]) {  // my, mx
+    vec2 across[2][5];
+    [[unroll]] for (uint a = 0; a < 2; ++a) {
+        uint row = 8 * weightIndex + 2 * (2 * a + py);
+        tapsToPoints(unpackPair(weight.d[row]), unpackPair(weight.d[row + 1]), across[a]);
+    }
+    [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) {
+        vec2 down[5];
+        tapsToPoints(across[0][mx], across[1][mx], down);
+        [[unroll]] for (uint my = 0; my < kPoints; ++my) g[my][mx] = down[my];
+    }
+}
+
+void store(uint matrix, uint row, uint step, vec2 pair) {
+    uint at = (row / kWidth * params.panelSteps + step) * kWidth + row % kWidth;
+    matrices.d[(matrix * params.strideMatrix + at) / 2] = packPair(pair);
+}
+
+// G w. One invocation per fine channel and two coarse ones, which are neighbours in a panel; turned,
+// per fine and coarse channel, px being neighbours.
 ENTRY(to_tiles) {
     uint i = linearIndex();
-    if (i >= params.pairs) return;
+    if (i >= params.invocations) return;
+    uint slow = quotient(i, params.byFast), fast = remainder(i, slow, params.byFast);
     [[unroll]] for (uint py = 0; py < 2; ++py) {
-        vec2 g[2][3];  // kernel row 2a + py; mx
-        [[unroll]] for (uint a = 0; a < 2; ++a) {
-            uint row = 8 * i + 2 * (2 * a + py);
-            g[a][0] = unpackPair(weight.d[row]);
-            g[a][2] = unpackPair(weight.d[row + 1]);
-            g[a][1] = g[a][0] + g[a][2];
-        }
-        [[unroll]] for (uint mx = 0; mx < 3; ++mx) {
-            matrices.d[place(mx, py, i)] = packPair(g[0][mx]);
-            matrices.d[place(3 + mx, py, i)] = packPair(g[0][mx] + g[1][mx]);
-            matrices.d[place(6 + mx, py, i)] = packPair(g[1][mx]);
+        vec2 g[5][5];
+        if (kTurned) {
+            uint coarse = slow, fine = fast;
+            pointsOf(coarse * params.channels + fine, py, g);
+            [[unroll]] for (uint m = 0; m < kPoints * kPoints; ++m)
+                store(m, 4 * fine + 2 * py, coarse, g[m / kPoints][m % kPoints]);
+        } else {
+            uint fine = slow, coarse = 2 * fast;
+            vec2 next[5][5];
+            pointsOf(coarse * params.channels + fine, py, g);
+            // An odd number's last has itself for a neighbour, in a row that nobody stores.
+            pointsOf(min(coarse + 1, params.features - 1) * params.channels + fine, py, next);
+            [[unroll]] for (uint m = 0; m < kPoints * kPoints; ++m)
+                [[unroll]] for (uint px = 0; px < 2; ++px)
+                    store(m, coarse, 4 * fine + 2 * py + px,
+                          vec2(g[m / kPoints][m % kPoints][px], next[m / kPoints][m % kPoints][px]));
         }
     }
 }
 
-// G^T s = [s0 + s1, s1 + s2], along both axes.
+// G^T s of sums [coarse, 4 fine] that lie row by row. One invocation per coarse and fine channel.
 ENTRY(from_tiles) {
     uint i = linearIndex();
-    if (i >= params.pairs) return;
+    if (i >= params.invocations) return;
     [[unroll]] for (uint py = 0; py < 2; ++py) {
-        vec2 g[2][3];
-        [[unroll]] for (uint mx = 0; mx < 3; ++mx) {
-            vec2 middle = unpackPair(matrices.d[place(3 + mx, py, i)]);
-            g[0][mx] = unpackPair(matrices.d[place(mx, py, i)]) + middle;
-            g[1][mx] = middle + unpackPair(matrices.d[place(6 + mx, py, i)]);
+        vec2 across[2][5];
+        [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) {
+            vec2 s[5];
+            [[unroll]] for (uint my = 0; my < kPoints; ++my)
+                s[my] = unpackPair(
+                    matrices.d[((kPoints * my + mx) * params.strideMatrix + 4 * i) / 2 + py]);
+            tapsFromPoints(s, across[0][mx], across[1][mx]);
         }
         [[unroll]] for (uint a = 0; a < 2; ++a) {
             uint row = 8 * i + 2 * (2 * a + py);
-            weight.d[row] = packPair(g[a][0] + g[a][1]);
-            weight.d[row + 1] = packPair(g[a][1] + g[a][2]);
+            vec2 first, second;
+            tapsFromPoints(across[a], first, second);
+            weight.d[row] = packPair(first);
+            weight.d[row + 1] = packPair(second);
         }
     }
 }
