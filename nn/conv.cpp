@@ -21,8 +21,16 @@ Groups planes(int64_t x, int64_t y, int64_t z, Specialisation& spec) {
 namespace {
 
 // The columns of a layer, what each window sees, are several times its images; they are made for
-// as many images, windows or channels at once as fit into this.
+// as many images, windows or channels at once as fit into this. Where they are a product's result,
+// the other side of the product is read again for each part.
 constexpr int64_t kColumnsElements = int64_t{1} << 20;
+constexpr int64_t kProductElements = 4 * kColumnsElements;
+
+// Whether each window has four pixels in its middle that no other has there.
+bool seesBlocks(const Windows& w) {
+    return w.kernelH == 4 && w.kernelW == 4 && w.stride == 2 && w.padding == 1 &&
+           w.height == 2 * w.outHeight && w.width == 2 * w.outWidth;
+}
 
 // Columns, what each window of some images sees [rows, images * windows], as panels for the right
 // side of a product: of windows for weight · columns, of rows for maps · columns^T (see
@@ -44,8 +52,7 @@ Tensor gatherColumns(Graph& graph, const Windows& w, const Tensor& image, int64_
                          .startImage = u32(firstImage * w.channels * w.pixels()),
                          .padding = u32(w.padding),
                          .byOutWidth = divisorOf(uint64_t(w.outWidth))};
-    bool pairs = w.kernelH == 4 && w.kernelW == 4 && w.stride == 2 && w.padding == 1 &&
-                 w.width % 2 == 0 && w.outWidth % 2 == 0;
+    bool pairs = seesBlocks(w) && w.outWidth % 2 == 0;
     Specialisation spec;
     CHECK(!pairs || !turned, "kernels are turned where the stride is 1");
     if (!pairs) {
@@ -220,45 +227,6 @@ void pixelWeights(Graph& graph, const Windows& w, const Tensor& image, const Ten
               .largestB = w.largestImage});
 }
 
-// ---- few channels, 4x4, stride 2 ---------------------------------------------------------------
-
-// Channels that a workgroup of conv/few_channels.comp makes at once: 0 where that is not the way.
-int64_t fewChannelsAtOnce(Graph& graph, const Windows& w) {
-    constexpr int64_t kMost = 12;
-    bool fits = vectorLanes(graph.device()) > 0 && w.kernelH == 4 && w.kernelW == 4 &&
-                w.stride == 2 && w.padding == 1 && w.outWidth % 2 == 0 &&
-                w.height == 2 * w.outHeight && w.width == 2 * w.outWidth && w.channels < 16 &&
-                w.windows() >= kWindowsEnough;
-    if (!fits) return 0;
-    int64_t atOnce = kMost;
-    while (w.channels % atOnce != 0) --atOnce;
-    return atOnce;
-}
-
-void fewChannelsSum(Graph& graph, const Windows& w, const Tensor& maps, const Tensor& weight,
-                    const Tensor& bias, const Tensor& image) {
-    int64_t atOnce = fewChannelsAtOnce(graph, w), lanes = vectorLanes(graph.device());
-    FewChannelsParams params{.channels = u32(w.channels),
-                             .features = u32(w.features),
-                             .outHeight = u32(w.outHeight),
-                             .outWidth = u32(w.outWidth),
-                             .byPairs = divisorOf(uint64_t(w.outWidth / 2))};
-    int64_t rows = w.outHeight % 2 == 0 ? 2 : 1;  // two share what they read
-    Groups groups{u32((w.windows() / (2 * rows) + lanes - 1) / lanes), u32(w.channels / atOnce),
-                  u32(w.images)};
-    graph.dispatchGroups("conv/few_channels.sum",
-                         {{"maps", maps},
-                          {"weights", weight},
-                          {"image", image},
-                          {"bias", bias ? bias : graph.none()}},
-                         params, groups,
-                         {{"local_size", u32(lanes)},
-                          {"kLanes", u32(lanes)},
-                          {"kChannels", u32(atOnce)},
-                          {"kRows", u32(rows)},
-                          {"kBias", bias ? 1 : 0}});
-}
-
 // ---- any layer ----------------------------------------------------------------------------------
 
 // maps[images, features, windows] = weight columns(image) (+ bias per feature)
@@ -336,9 +304,8 @@ void sumProduct(Graph& graph, const Windows& w, const Tensor& maps, const Tensor
     if (seesPixels(w)) return pixelProduct(graph, w, maps, weight, bias, image, true);
     if (hasOneFeature(w)) return oneFeatureImage(graph, w, maps, weight, bias, image);
     if (winogradPays(graph.device(), w)) return winogradSum(graph, w, maps, weight, bias, image);
-    if (fewChannelsAtOnce(graph, w) > 0) return fewChannelsSum(graph, w, maps, weight, bias, image);
     int64_t atOnce = imagesAtOnce(w), kernel = w.kernelH * w.kernelW;
-    int64_t part = std::clamp<int64_t>(kColumnsElements / (kernel * w.windows()), 1, w.channels);
+    int64_t part = std::clamp<int64_t>(kProductElements / (kernel * w.windows()), 1, w.channels);
     if (atOnce > 1) part = w.channels;
     for (int64_t n = 0; n < w.images; n += atOnce) {
         int64_t images = std::min(atOnce, w.images - n);
@@ -359,24 +326,27 @@ void sumProduct(Graph& graph, const Windows& w, const Tensor& maps, const Tensor
                   .startA = channel * kernel,
                   .startB = images > 1 ? 0 : n * w.features * w.windows(),
                   .largestB = w.largestMaps});
-            ImageParams params{.channels = u32(channels),
-                               .height = u32(w.height),
-                               .width = u32(w.width),
-                               .outHeight = u32(w.outHeight),
-                               .outWidth = u32(w.outWidth),
-                               .images = u32(images),
-                               .startImage = u32(n * w.channels * w.pixels()),
-                               .strideImage = u32(w.channels * w.pixels()),
-                               .padding = u32(w.padding),
-                               .firstChannel = u32(channel),
-                               .byWidth = divisorOf(uint64_t(w.width))};
-            Specialisation spec = w.specialisation();
-            Groups groups = planes(w.pixels(), channels, images, spec);
+            bool blocks = seesBlocks(w);  // of four pixels per window
+            ImageParams params{
+                .channels = u32(channels),
+                .height = u32(w.height),
+                .width = u32(w.width),
+                .outHeight = u32(w.outHeight),
+                .outWidth = u32(w.outWidth),
+                .images = u32(images),
+                .startImage = u32(n * w.channels * w.pixels()),
+                .strideImage = u32(w.channels * w.pixels()),
+                .padding = u32(w.padding),
+                .firstChannel = u32(channel),
+                .byWidth = divisorOf(uint64_t(blocks ? w.outWidth : w.width))};
+            Specialisation spec = blocks ? Specialisation{} : w.specialisation();
+            Groups groups = planes(blocks ? w.windows() : w.pixels(), channels, images, spec);
             spec["kBias"] = bias ? 1 : 0;
-            graph.dispatchGroups(
-                "conv/image.sum",
-                {{"columns", columns}, {"image", image}, {"bias", bias ? bias : graph.none()}},
-                params, groups, spec);
+            graph.dispatchGroups(blocks ? "conv/image.sum_blocks" : "conv/image.sum",
+                                 {{"columns", columns},
+                                  {blocks ? "pairs" : "image", image},
+                                  {"bias", bias ? bias : graph.none()}},
+                                 params, groups, spec);
         }
     }
 }

@@ -183,15 +183,15 @@ void fromTiles(Graph& graph, const Tiling& tiling, Side side, const Windows& w, 
         d.params, d.groups, d.spec);
 }
 
-// Of weight [features, channels, kernel, kernel]; byFast: of so many invocations in a row.
-WinogradWeightsParams weightsParams(const Windows& w, int64_t invocations, int64_t fast,
-                                    const Matrices& matrices) {
+// Of weight [features, channels, kernel, kernel].
+WinogradWeightsParams weightsParams(const Windows& w, int64_t invocations, const Matrices& matrices,
+                                    bool turned) {
     return {.invocations = u32(invocations),
             .features = u32(w.features),
             .channels = u32(w.channels),
             .strideMatrix = u32(matrices.elements),
             .panelSteps = u32(matrices.panelSteps),
-            .byFast = divisorOf(uint64_t(fast))};
+            .bySteps = divisorOf(uint64_t(turned ? w.features : w.channels))};
 }
 
 Specialisation weightsSpecialisation(const Tiling& tiling, const Windows& w) {
@@ -212,16 +212,17 @@ Weights weightsToTiles(Graph& graph, const Tiling& tiling, const Windows& w, con
     Matrices layout = Matrices::rowPanels(gemmPanelRows(graph.device(), result.rows), result.rows,
                                           gemmPanelSteps(result.steps));
     result.matrices = matricesTensor(graph, tiling, layout, result.steps);
-    // One invocation per two neighbours in a panel (stride 2), or one.
-    int64_t fast = turned ? w.channels : tiling.strided ? (w.features + 1) / 2 : w.features;
-    int64_t invocations = fast * (turned ? w.features : w.channels);
+    // An invocation makes so many rows of a panel, of four steps where these are strided channels.
+    int64_t rowsEach = !tiling.strided ? 1 : turned ? 4 : 2;
+    int64_t panels = (result.rows + layout.width - 1) / layout.width;
+    int64_t invocations = panels * (layout.width / rowsEach) * (turned ? w.features : w.channels);
     Specialisation spec = weightsSpecialisation(tiling, w);
     spec["kTurned"] = turned;
     spec["kWidth"] = u32(layout.width);
     graph.dispatch(
         tiling.strided ? "conv/winograd_weights.to_tiles" : "conv/winograd_dense_weights.to_tiles",
         {{"weight", weight}, {"matrices", result.matrices}},
-        weightsParams(w, invocations, fast, layout), static_cast<uint64_t>(invocations), spec);
+        weightsParams(w, invocations, layout, turned), static_cast<uint64_t>(invocations), spec);
     return result;
 }
 
@@ -339,7 +340,7 @@ void winogradWeights(Graph& graph, const Windows& w, const Tensor& image, const 
     graph.dispatch(tiling.strided ? "conv/winograd_weights.from_tiles"
                                   : "conv/winograd_dense_weights.from_tiles",
                    {{"weight", dweight}, {"matrices", sums}},
-                   weightsParams(w, invocations, w.channels, sumsLayout),
+                   weightsParams(w, invocations, sumsLayout, false),
                    static_cast<uint64_t>(invocations), weightsSpecialisation(tiling, w));
 }
 

@@ -2,11 +2,13 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #include "common/op.glsl"
+#include "common/pairs.glsl"
 #include "conv/params.h"
-PARAMS(ImageParams, 3)
+PARAMS(ImageParams, 4)
 BUFFER(0, readonly, float, columns);  // [channels * kKernelH * kKernelW, images * windows]
 BUFFER(1, writeonly, float, image);   // [images, all channels, height, width]
 BUFFER(2, readonly, float, bias);     // [all channels]
+BUFFER(3, writeonly, uint64_t, pairs);  // the image, in pairs
 
 layout(constant_id = 1) const uint kKernelH = 4;
 layout(constant_id = 2) const uint kKernelW = 4;
@@ -43,4 +45,38 @@ ENTRY(sum) {
     }
     uint plane = (params.firstChannel + channel) * height * width;
     image.d[params.startImage + n * params.strideImage + plane + pixel] = total;
+}
+
+// Likewise for kernels 4x4 of stride 2 and padding 1 over an image twice as high and wide as there
+// are windows. One invocation per window: the four pixels in its middle, of which each is seen by
+// this window, by one above or below, by one beside, and by one across.
+// Workgroups: x windows, y channels, z images.
+ENTRY(sum_blocks) {
+    uint window = gl_WorkGroupID.x * gl_WorkGroupSize.x + localIndex();
+    uint channel = gl_WorkGroupID.y, n = gl_WorkGroupID.z, across = params.outWidth;
+    uint windowsEach = params.outHeight * across, windows = params.images * windowsEach;
+    if (window >= windowsEach) return;
+    uint y = quotient(window, params.byWidth), x = remainder(window, y, params.byWidth);
+    bool rowSeen[2] = bool[2](y > 0, y + 1 < params.outHeight);
+    bool columnSeen[2] = bool[2](x > 0, x + 1 < across);
+    uint base = channel * 16 * windows + n * windowsEach + window;
+    float b = kBias ? bias.d[params.firstChannel + channel] : 0;
+    uint plane = (params.firstChannel + channel) * params.height * params.width;
+    plane += params.startImage + n * params.strideImage + 2 * (y * params.width + x);
+    [[unroll]] for (uint r = 0; r < 2; ++r) {
+        vec2 total = vec2(b);
+        [[unroll]] for (uint c = 0; c < 2; ++c)
+            [[unroll]] for (uint j = 0; j < 2; ++j)
+                [[unroll]] for (uint i = 0; i < 2; ++i) {
+                    // The window itself, or the one before (r, c = 0) or behind it.
+                    uint ky = j == 0 ? 1 + r : 3 - 3 * r, kx = i == 0 ? 1 + c : 3 - 3 * c;
+                    uint at = base + (4 * ky + kx) * windows;
+                    if (j == 1) at += (2 * r - 1) * across;
+                    if (i == 1) at += 2 * c - 1;
+                    bool seen = (j == 0 || rowSeen[r]) && (i == 0 || columnSeen[c]);
+                    float v = columns.d[seen ? at : base];
+                    total[c] += seen ? v : 0;
+                }
+        pairs.d[(plane + r * params.width) / 2] = packPair(total);
+    }
 }

@@ -23,7 +23,7 @@ struct ImageParams {
     uint startImage, strideImage;
     uint padding;
     uint firstChannel;  // of the image's: columns hold some of its channels, image and bias all
-    Divisor byWidth;
+    Divisor byWidth;  // of the image; sum_blocks: outWidth
 };
 struct MapsParams {
     uint elements;         // of some images: images * features * windows
@@ -49,12 +49,7 @@ struct WinogradWeightsParams {
     uint features, channels;  // stride 2: coarse and fine
     uint strideMatrix;        // elements from one matrix to the next
     uint panelSteps;          // that a panel has
-    Divisor byFast;           // invocations of what neighbours in a panel differ in
-};
-struct FewChannelsParams {
-    uint channels, features;
-    uint outHeight, outWidth;  // of the maps; outWidth even
-    Divisor byPairs;           // outWidth / 2
+    Divisor bySteps;          // channels or, turned, features
 };
 struct BatchNormParams {
     uint images, channels, pixels;  // x[images, channels, pixels]

@@ -30,11 +30,13 @@ vec4 fourOf(float s[9]) {
     return vec4(a.x + b.x, b.x + c.x, a.y + b.y, b.y + c.y);
 }
 
-// One invocation per feature and channel, neighbours in a panel (linalg/gemm.glsl).
+// One invocation per feature and channel, in the order of the panels (linalg/gemm.glsl).
 ENTRY(to_tiles) {
     uint i = linearIndex();
     if (i >= params.invocations) return;
-    uint step = quotient(i, params.byFast), row = remainder(i, step, params.byFast);
+    uint panel = quotient(i / kWidth, params.bySteps);
+    uint step = remainder(i / kWidth, panel, params.bySteps), row = panel * kWidth + i % kWidth;
+    if (row >= (kTurned ? params.channels : params.features)) return;
     uint from = kTurned ? step * params.channels + row : row * params.channels + step;
     uint to = (row / kWidth * params.panelSteps + step) * kWidth + row % kWidth;
     float across[4][9];

@@ -34,20 +34,24 @@ void store(uint matrix, uint row, uint step, vec2 pair) {
 }
 
 // G w. One invocation per fine channel and two coarse ones, which are neighbours in a panel; turned,
-// per fine and coarse channel, px being neighbours.
+// per fine and coarse channel, px being neighbours. Invocations go step by step through a panel, so
+// that it is a stream.
 ENTRY(to_tiles) {
     uint i = linearIndex();
     if (i >= params.invocations) return;
-    uint slow = quotient(i, params.byFast), fast = remainder(i, slow, params.byFast);
+    uint across = kWidth / (kTurned ? 4 : 2), panel = quotient(i / across, params.bySteps);
+    uint step = remainder(i / across, panel, params.bySteps), within = panel * across + i % across;
     [[unroll]] for (uint py = 0; py < 2; ++py) {
         vec2 g[5][5];
         if (kTurned) {
-            uint coarse = slow, fine = fast;
+            uint coarse = step, fine = within;
+            if (fine >= params.channels) return;
             pointsOf(coarse * params.channels + fine, py, g);
             [[unroll]] for (uint m = 0; m < kPoints * kPoints; ++m)
                 store(m, 4 * fine + 2 * py, coarse, g[m / kPoints][m % kPoints]);
         } else {
-            uint fine = slow, coarse = 2 * fast;
+            uint fine = step, coarse = 2 * within;
+            if (coarse >= params.features) return;
             vec2 next[5][5];
             pointsOf(coarse * params.channels + fine, py, g);
             // An odd number's last has itself for a neighbour, in a row that nobody stores.
