@@ -145,15 +145,18 @@ GemmParams gemmParams(const Gemm& g) {
             .batch = u32(g.batch)};
 }
 
+// Of the kernels: none, one per column, one per row.
+uint32_t biasKind(const Gemm& g) { return !g.bias ? 0 : g.biasPerRow ? 2 : 1; }
+
 constexpr int64_t kNarrow = 4;  // columns at most, see gemm_narrow.comp
 
 // Whether the product is one of gemm_narrow.comp's.
 bool isNarrow(const Gemm& g, const Plan& p) {
     bool shape = p.onCpu && !p.halves && g.n <= kNarrow && g.batch == 1 && !g.panelsA &&
-                 !g.panelsB && !g.relu && !g.biasPerRow && !g.accumulate &&
+                 !g.panelsB && !g.relu && !g.accumulate &&
                  divisible(4, {g.lda, g.startA, g.ldb, g.startB});
     if (g.transA) return shape && !g.transB && !g.bias && g.m >= 64 && g.m % 4 == 0;
-    return shape && g.m >= 256 && g.k >= 4 && g.k % 4 == 0 && p.parts == 1;
+    return shape && g.m >= 256 && g.k >= 4 && g.k % 4 == 0;
 }
 
 void narrowRows(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const Gemm& g,
@@ -167,7 +170,7 @@ void narrowRows(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c,
                  gemmParams(g), static_cast<uint64_t>(g.m), kRowsListed,
                  {{"kLanes", p.lanes},
                   {"kColumns", u32(g.n)},
-                  {"kBias", bool(g.bias)},
+                  {"kBias", biasKind(g)},
                   {"kTransB", g.transB}});
 }
 
@@ -261,6 +264,12 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
         gemm(graph, a, b, c, narrow);
         return;
     }
+    if (g.panelsB) {  // a single panel is a matrix of its width
+        Gemm matrix = g;
+        matrix.panelsB = false;
+        matrix.ldb = p.columns();
+        if (isNarrow(matrix, p)) g = matrix;
+    }
     const bool narrow = isNarrow(g, p);
     if (narrow && !g.transA) return narrowRows(graph, a, b, c, g, p);
     if (narrow) p.panelsA = p.panelsB = false;
@@ -317,7 +326,6 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
     int64_t strideCPart = g.batch * g.m * g.n;
     GemmParams params = gemmParams(g);
     params.kPart = u32(p.kPart);
-    uint32_t biasKind = !g.bias ? 0 : g.biasPerRow ? 2 : 1;
     Groups groups{u32(ceilDiv(g.m, p.rows)), u32(ceilDiv(g.n, p.columns())),
                   u32(p.parts * g.batch)};
     Tensor bias = g.bias ? g.bias : graph.none();
@@ -325,7 +333,7 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
     CHECK(!g.largestA || !g.largestB, "one side of a product at most is made of gradients");
     Specialisation spec{{"local_size", p.lanes},
                         {"kAccumulate", !split && g.accumulate},
-                        {"kBias", split ? 0 : biasKind},
+                        {"kBias", split ? 0 : biasKind(g)},
                         {"kRelu", !split && g.relu},
                         {"kScaled", bool(largest)}};
     if (!largest) largest = graph.none();
@@ -392,7 +400,7 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
                             .byColumns = divisorOf(uint64_t(g.n))};
     graph.dispatch("linalg/gemm_reduce.sum", {{"partial", out}, {"c", c}, {"bias", bias}}, reduce,
                    static_cast<uint64_t>(strideCPart),
-                   {{"kAccumulate", g.accumulate}, {"kBias", biasKind}, {"kRelu", g.relu}});
+                   {{"kAccumulate", g.accumulate}, {"kBias", biasKind(g)}, {"kRelu", g.relu}});
     if (narrow && g.sums) sumAxis(graph, sums, 1, p.parts, g.m, g.sums);
 }
 

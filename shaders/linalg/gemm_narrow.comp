@@ -13,13 +13,13 @@ PARAMS(GemmParams, 6)
 TEXELS(0, a);
 TEXELS(1, b);
 BUFFER(2, writeonly, float, c);
-BUFFER(3, readonly, float, bias);  // [kColumns]
+BUFFER(3, readonly, float, bias);  // [kColumns] or [m], see kBias
 LISTED_ROWS(4)
 BUFFER(5, writeonly, float, sums);  // [parts, m], see kSums
 
 layout(constant_id = 1) const uint kLanes = 8;
 layout(constant_id = 2) const uint kColumns = 3;
-layout(constant_id = 3) const bool kBias = false;
+layout(constant_id = 3) const uint kBias = 0;  // 1: one per column, 2: one per row
 layout(constant_id = 4) const bool kTransB = true;  // B lies as [kColumns, k]
 layout(constant_id = 5) const bool kSums = false;   // of A's columns too
 // In the loop's body B has a texel for each step, or, transposed, for four steps of a column.
@@ -56,8 +56,9 @@ ENTRY(rows) {
                 sum[j] += own[u / 4][u % 4] * valueB(ofB, u, j);
     }
     if (row >= params.m) return;
+    float ofRow = kBias == 2 ? bias.d[row] : 0;
     [[unroll]] for (uint j = 0; j < kColumns; ++j)
-        c.d[params.startC + row * params.ldc + j] = kBias ? sum[j] + bias.d[j] : sum[j];
+        c.d[params.startC + row * params.ldc + j] = sum[j] + (kBias == 1 ? bias.d[j] : ofRow);
 }
 
 // A lies as [k, m], m a multiple of 4: four rows of C per lane, and as in gemm.glsl parts of k.
