@@ -22,7 +22,8 @@ struct Tiling {
         tiles = across * ((w.outHeight + tile - 1) / tile);
         side = strided ? tile + 1 : w.kernelW == 3 ? 8 : 9;
         matrices = side * side;
-        channelRows = strided ? 4 * w.channels : w.channels;
+        rowsEach = strided ? 4 : 1;
+        channelRows = rowsEach * w.channels;
     }
     // Larger tiles have fewer products, but 25 transformed weights for 16 in place of 9; and halves
     // are too coarse for their factors.
@@ -36,7 +37,7 @@ struct Tiling {
     int64_t tile;            // windows of a tile in one dimension
     int64_t across, tiles;   // in a row, in an image
     int64_t side, matrices;  // products in one dimension, in two
-    int64_t channelRows;
+    int64_t rowsEach, channelRows;  // rows of a channel of the image, of all
 };
 
 // Some tiles of one image, or all tiles of some images.
@@ -57,6 +58,25 @@ std::vector<Piece> pieces(const Tiling& tiling, const Windows& w, bool wholeImag
         for (int64_t first = 0; first < tiling.tiles; first += part)
             result.push_back({n, together, first, std::min(part, tiling.tiles - first)});
     }
+    return result;
+}
+
+// Features, or channels of the image, whose weights are transformed at once.
+struct Part {
+    int64_t first, count;
+};
+
+// Transformed weights are several times what they were of; so a product takes as many rows of them
+// at a time as stay in a cache until they are used. With several pieces they wait for all of these,
+// and are made at once.
+std::vector<Part> parts(int64_t channels, int64_t elementsEach, size_t pieces) {
+    constexpr int64_t kWeightElements = int64_t{1} << 21, kMultiple = 32;  // rows of a panel
+    int64_t fit = pieces > 1 ? channels : std::max<int64_t>(1, kWeightElements / elementsEach);
+    int64_t count = (channels + fit - 1) / fit;
+    int64_t each = ((channels + count - 1) / count + kMultiple - 1) / kMultiple * kMultiple;
+    std::vector<Part> result;
+    for (int64_t first = 0; first < channels; first += each)
+        result.push_back({first, std::min(each, channels - first)});
     return result;
 }
 
@@ -117,15 +137,20 @@ struct TileDispatch {
     Specialisation spec;
     Groups groups;
 };
+Part whole(const Windows& w, Side side) {
+    return {0, side == Side::Image ? w.channels : w.features};
+}
 TileDispatch tileDispatch(const Tiling& tiling, const Windows& w, const Piece& piece, Side side,
-                          const Matrices& matrices) {
+                          const Part& part, const Matrices& matrices) {
     bool image = side == Side::Image;
-    int64_t channels = image ? w.channels : w.features;
+    int64_t channels = whole(w, side).count;
     int64_t height = image ? w.height : w.outHeight, width = image ? w.width : w.outWidth;
     TileDispatch d;
     d.params = {.channels = u32(channels),
                 .height = u32(height),
                 .width = u32(width),
+                .firstChannel = u32(part.first),
+                .partChannels = u32(part.count),
                 .tiles = u32(piece.tiles),
                 .firstTile = u32(piece.firstTile),
                 .images = u32(piece.images),
@@ -136,7 +161,7 @@ TileDispatch tileDispatch(const Tiling& tiling, const Windows& w, const Piece& p
                 .byRow = divisorOf(uint64_t(tiling.strided ? tiling.across / 2 : tiling.across))};
     // Invocations side by side write side by side: tiles or, in panels of rows, channels. Of the
     // image under strided windows, rows of either parity are a workgroup's.
-    int64_t along = tiling.strided ? piece.tiles / 2 : piece.tiles, across = channels;
+    int64_t along = tiling.strided ? piece.tiles / 2 : piece.tiles, across = part.count;
     if (tiling.strided && matrices.layout == Layout::RowPanels) std::swap(along, across);
     if (tiling.strided && image) across *= 2;
     d.groups = planes(along, across, piece.images, d.spec);
@@ -150,8 +175,8 @@ TileDispatch tileDispatch(const Tiling& tiling, const Windows& w, const Piece& p
 }
 
 Tensor toTiles(Graph& graph, const Tiling& tiling, Side side, const Matrices& layout,
-               const Windows& w, const Piece& piece, const Tensor& image) {
-    TileDispatch d = tileDispatch(tiling, w, piece, side, layout);
+               const Windows& w, const Piece& piece, const Part& part, const Tensor& image) {
+    TileDispatch d = tileDispatch(tiling, w, piece, side, part, layout);
     Tensor matrices = matricesTensor(graph, tiling, layout, piece.count());
     const bool fine = side == Side::Image, texels = loadsTexels(graph.device());
     const char* kernel = w.stride == 1 ? fine ? "conv/winograd_dense.image_to_tiles"
@@ -171,9 +196,9 @@ Tensor toTiles(Graph& graph, const Tiling& tiling, Side side, const Matrices& la
 }
 
 void fromTiles(Graph& graph, const Tiling& tiling, Side side, const Windows& w, const Piece& piece,
-               const Tensor& matrices, const Tensor& bias, const Tensor& image) {
-    int64_t rows = side == Side::Image ? tiling.channelRows : w.features;
-    TileDispatch d = tileDispatch(tiling, w, piece, side, Matrices::rows(rows, piece.count()));
+               const Part& part, const Tensor& matrices, const Tensor& bias, const Tensor& image) {
+    int64_t rows = part.count * (side == Side::Image ? tiling.rowsEach : 1);
+    TileDispatch d = tileDispatch(tiling, w, piece, side, part, Matrices::rows(rows, piece.count()));
     d.spec["kBias"] = bias ? 1 : 0;
     const char* kernel = side == Side::Image ? "conv/winograd.fine_from_tiles"
                          : w.stride == 2     ? "conv/winograd.coarse_from_tiles"
@@ -184,11 +209,12 @@ void fromTiles(Graph& graph, const Tiling& tiling, Side side, const Windows& w, 
 }
 
 // Of weight [features, channels, kernel, kernel].
-WinogradWeightsParams weightsParams(const Windows& w, int64_t invocations, const Matrices& matrices,
-                                    bool turned) {
+WinogradWeightsParams weightsParams(const Windows& w, int64_t invocations, const Part& part,
+                                    const Matrices& matrices, bool turned) {
     return {.invocations = u32(invocations),
             .features = u32(w.features),
             .channels = u32(w.channels),
+            .first = u32(part.first),
             .strideMatrix = u32(matrices.elements),
             .panelSteps = u32(matrices.panelSteps),
             .bySteps = divisorOf(uint64_t(turned ? w.features : w.channels))};
@@ -199,20 +225,22 @@ Specialisation weightsSpecialisation(const Tiling& tiling, const Windows& w) {
     return {{"kKernel", u32(w.kernelW)}, {"kSide", u32(tiling.side)}};
 }
 
-// The left side of a product: matrices [features, channelRows] or, turned, [channelRows, features]
-// in panels of A's rows. Kernels of stride 1 are turned by half a turn then.
+// The left side of a product: matrices [features, channelRows] of a part of the features or, turned,
+// [channelRows, features] of a part of the channels, in panels of A's rows. Kernels of stride 1 are
+// turned by half a turn then.
 struct Weights {
     Tensor matrices;
     int64_t rows = 0, steps = 0;
 };
-Weights weightsToTiles(Graph& graph, const Tiling& tiling, const Windows& w, const Tensor& weight,
-                       bool turned) {
-    Weights result{{}, w.features, tiling.channelRows};
-    if (turned) std::swap(result.rows, result.steps);
+Weights weightsToTiles(Graph& graph, const Tiling& tiling, const Windows& w, const Part& part,
+                       const Tensor& weight, bool turned) {
+    Weights result{{},
+                   turned ? part.count * tiling.rowsEach : part.count,
+                   turned ? w.features : tiling.channelRows};
     Matrices layout = Matrices::rowPanels(gemmPanelRows(graph.device(), result.rows), result.rows,
                                           gemmPanelSteps(result.steps));
     result.matrices = matricesTensor(graph, tiling, layout, result.steps);
-    // An invocation makes so many rows of a panel, of four steps where these are strided channels.
+    // Rows of a panel that an invocation makes.
     int64_t rowsEach = !tiling.strided ? 1 : turned ? 4 : 2;
     int64_t panels = (result.rows + layout.width - 1) / layout.width;
     int64_t invocations = panels * (layout.width / rowsEach) * (turned ? w.features : w.channels);
@@ -222,7 +250,8 @@ Weights weightsToTiles(Graph& graph, const Tiling& tiling, const Windows& w, con
     graph.dispatch(
         tiling.strided ? "conv/winograd_weights.to_tiles" : "conv/winograd_dense_weights.to_tiles",
         {{"weight", weight}, {"matrices", result.matrices}},
-        weightsParams(w, invocations, layout, turned), static_cast<uint64_t>(invocations), spec);
+        weightsParams(w, invocations, part, layout, turned), static_cast<uint64_t>(invocations),
+        spec);
     return result;
 }
 
@@ -245,16 +274,31 @@ Tensor products(Graph& graph, const Weights& weights, const Tensor& tiles, int64
     return result;
 }
 
-// maps = weights columns(image) (+ bias), the weights as matrices.
-void gather(Graph& graph, const Tiling& tiling, const Windows& w, const Tensor& image,
-            const Weights& weights, const Tensor& bias, const Tensor& maps) {
-    for (const Piece& piece : pieces(tiling, w, false)) {
+// The other side of the layer w = weights given (+ bias). turned: weights [channels, features], which
+// are those of the layer weightsOf, of which w is the transpose where the stride is 1.
+void convolve(Graph& graph, const Windows& w, Side side, const Tensor& given,
+              const Windows& weightsOf, bool turned, const Tensor& weight, const Tensor& bias,
+              const Tensor& result) {
+    Tiling tiling(graph.device(), w);
+    const bool gathers = side == Side::Image;
+    const Side made = gathers ? Side::Maps : Side::Image;
+    const Tensor& largest = gathers ? w.largestImage : w.largestMaps;
+    int64_t rows = gathers ? tiling.channelRows : w.features;
+    int64_t elementsEach = tiling.matrices * rows * (gathers ? 1 : tiling.rowsEach);
+    std::vector<Piece> ofTiles = pieces(tiling, w, !gathers);
+    std::vector<Part> ofWeights = parts(whole(w, made).count, elementsEach, ofTiles.size());
+    Weights weights;
+    for (const Piece& piece : ofTiles) {
         int64_t tiles = piece.count();
-        Tensor seen = toTiles(graph, tiling, Side::Image,
-                              Matrices::tilePanels(graph.device(), tiling.channelRows, tiles), w,
-                              piece, image);
-        Tensor made = products(graph, weights, seen, tiles, w.largestImage);
-        fromTiles(graph, tiling, Side::Maps, w, piece, made, bias, maps);
+        Tensor seen = toTiles(graph, tiling, side,
+                              Matrices::tilePanels(graph.device(), rows, tiles), w, piece,
+                              whole(w, side), given);
+        for (const Part& part : ofWeights) {
+            if (!weights.matrices || ofWeights.size() > 1)
+                weights = weightsToTiles(graph, tiling, weightsOf, part, weight, turned);
+            Tensor sums = products(graph, weights, seen, tiles, largest);
+            fromTiles(graph, tiling, made, w, piece, part, sums, bias, result);
+        }
     }
 }
 
@@ -276,72 +320,67 @@ bool winogradPays(const Device& device, const Windows& w) {
 
 void winogradGather(Graph& graph, const Windows& w, const Tensor& image, const Tensor& weight,
                     const Tensor& bias, const Tensor& maps) {
-    Tiling tiling(graph.device(), w);
-    gather(graph, tiling, w, image, weightsToTiles(graph, tiling, w, weight, false), bias, maps);
+    convolve(graph, w, Side::Image, image, w, false, weight, bias, maps);
 }
 
 void winogradSum(Graph& graph, const Windows& w, const Tensor& maps, const Tensor& weight,
                  const Tensor& bias, const Tensor& image) {
-    Tiling tiling(graph.device(), w);
-    Weights weights = weightsToTiles(graph, tiling, w, weight, true);
-    if (w.stride == 1) {  // a convolution of the maps, with the kernels turned
-        Windows turned = w;
-        std::swap(turned.channels, turned.features);
-        std::swap(turned.height, turned.outHeight);
-        std::swap(turned.width, turned.outWidth);
-        std::swap(turned.largestImage, turned.largestMaps);
-        turned.padding = w.kernelW - 1 - w.padding;
-        gather(graph, Tiling(graph.device(), turned), turned, maps, weights, bias, image);
-        return;
-    }
-    for (const Piece& piece : pieces(tiling, w, true)) {
-        int64_t tiles = piece.count();
-        Tensor given =
-            toTiles(graph, tiling, Side::Maps,
-                    Matrices::tilePanels(graph.device(), w.features, tiles), w, piece, maps);
-        Tensor made = products(graph, weights, given, tiles, w.largestMaps);
-        fromTiles(graph, tiling, Side::Image, w, piece, made, bias, image);
-    }
+    if (w.stride == 2) return convolve(graph, w, Side::Maps, maps, w, true, weight, bias, image);
+    // A convolution of the maps, with the kernels turned.
+    Windows turned = w;
+    std::swap(turned.channels, turned.features);
+    std::swap(turned.height, turned.outHeight);
+    std::swap(turned.width, turned.outWidth);
+    std::swap(turned.largestImage, turned.largestMaps);
+    turned.padding = w.kernelW - 1 - w.padding;
+    convolve(graph, turned, Side::Image, maps, w, true, weight, bias, image);
 }
 
 void winogradWeights(Graph& graph, const Windows& w, const Tensor& image, const Tensor& maps,
                      const Tensor& dweight) {
     const Device& device = graph.device();
     Tiling tiling(device, w);
-    Matrices sumsLayout = Matrices::rows(w.features, tiling.channelRows);
-    Tensor sums = graph.temporary({tiling.matrices, sumsLayout.elements});
-    bool first = true;
-    for (const Piece& piece : pieces(tiling, w, false)) {
+    std::vector<Piece> ofTiles = pieces(tiling, w, false);
+    std::vector<Part> ofWeights =
+        parts(w.features, tiling.matrices * tiling.channelRows, ofTiles.size());
+    const int64_t rowsAtOnce = ofWeights.front().count;
+    Tensor seen, sums = graph.temporary(
+                     {tiling.matrices, Matrices::rows(rowsAtOnce, tiling.channelRows).elements});
+    for (const Piece& piece : ofTiles) {
         int64_t tiles = piece.count();
-        Tensor given = toTiles(graph, tiling, Side::Maps,
-                               Matrices::rowPanels(gemmPanelRows(device, w.features), w.features,
-                                                   gemmPanelSteps(tiles)),
-                               w, piece, maps);
-        Tensor seen = toTiles(graph, tiling, Side::Image,
-                              Matrices::rowPanels(gemmPanelWidth(device, tiling.channelRows),
-                                                  tiling.channelRows, tiles),
-                              w, piece, image);
-        gemm(graph, given, seen, sums,
-             {.m = w.features,
-              .n = tiling.channelRows,
-              .k = tiles,
-              .panelsB = true,
-              .panelsA = true,
-              .accumulate = !first,
-              .batch = tiling.matrices,
-              .strideA = given.dim(1),
-              .strideB = seen.dim(1),
-              .strideC = sums.dim(1),
-              .largestA = w.largestMaps,
-              .largestB = w.largestImage});
-        first = false;
+        seen = toTiles(graph, tiling, Side::Image,
+                       Matrices::rowPanels(gemmPanelWidth(device, tiling.channelRows),
+                                           tiling.channelRows, tiles),
+                       w, piece, whole(w, Side::Image), image);
+        for (const Part& part : ofWeights) {
+            Tensor given = toTiles(graph, tiling, Side::Maps,
+                                   Matrices::rowPanels(gemmPanelRows(device, part.count),
+                                                       part.count, gemmPanelSteps(tiles)),
+                                   w, piece, part, maps);
+            gemm(graph, given, seen, sums,
+                 {.m = part.count,
+                  .n = tiling.channelRows,
+                  .k = tiles,
+                  .panelsB = true,
+                  .panelsA = true,
+                  .accumulate = &piece != &ofTiles.front(),
+                  .batch = tiling.matrices,
+                  .strideA = given.dim(1),
+                  .strideB = seen.dim(1),
+                  .strideC = sums.dim(1),
+                  .largestA = w.largestMaps,
+                  .largestB = w.largestImage});
+            if (&piece != &ofTiles.back()) continue;
+            int64_t invocations = part.count * w.channels;
+            Matrices layout;
+            layout.elements = sums.dim(1);
+            graph.dispatch(tiling.strided ? "conv/winograd_weights.from_tiles"
+                                          : "conv/winograd_dense_weights.from_tiles",
+                           {{"weight", dweight}, {"matrices", sums}},
+                           weightsParams(w, invocations, part, layout, false),
+                           static_cast<uint64_t>(invocations), weightsSpecialisation(tiling, w));
+        }
     }
-    int64_t invocations = w.features * w.channels;
-    graph.dispatch(tiling.strided ? "conv/winograd_weights.from_tiles"
-                                  : "conv/winograd_dense_weights.from_tiles",
-                   {{"weight", dweight}, {"matrices", sums}},
-                   weightsParams(w, invocations, sumsLayout, false),
-                   static_cast<uint64_t>(invocations), weightsSpecialisation(tiling, w));
 }
 
 }  // namespace doppel

@@ -35,6 +35,7 @@ struct MapsParams {
 // (conv/winograd_dense.comp).
 struct WinogradParams {
     uint channels, height, width;  // of the image at hand
+    uint firstChannel, partChannels;  // those that this dispatch makes
     uint tiles;                    // of one image in this piece
     uint firstTile;                // the piece's first, counted row by row; even for stride 2
     uint images;                   // their tiles follow each other
@@ -47,6 +48,7 @@ struct WinogradParams {
 struct WinogradWeightsParams {
     uint invocations;
     uint features, channels;  // stride 2: coarse and fine
+    uint first;               // of the features or, turned, channels that this dispatch makes
     uint strideMatrix;        // elements from one matrix to the next
     uint panelSteps;          // that a panel has
     Divisor bySteps;          // channels or, turned, features

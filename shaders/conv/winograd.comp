@@ -22,7 +22,7 @@ ENTRY(coarse_from_tiles) {
     [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) {
         float m[2][5];
         [[unroll]] for (uint my = 0; my < kPoints; ++my) {
-            uint from = place(kPoints * my + mx, channel, tile, params.channels);
+            uint from = place(kPoints * my + mx, channel, tile, params.partChannels);
             vec2 both = unpackPair(matrices.d[from / 2]);
             [[unroll]] for (uint t = 0; t < 2; ++t) m[t][my] = both[t];
         }
@@ -32,7 +32,7 @@ ENTRY(coarse_from_tiles) {
             [[unroll]] for (uint r = 0; r < kTile; ++r) down[t][r][mx] = c[r];
         }
     }
-    float b = kBias ? bias.d[channel] : 0;
+    float b = kBias ? bias.d[params.firstChannel + channel] : 0;
     [[unroll]] for (uint r = 0; r < kTile; ++r) {
         uint pixel = plane(channel) + (kTile * at.y + r) * params.width + 2 * kTile * at.x;
         [[unroll]] for (uint t = 0; t < 2; ++t) {
@@ -55,7 +55,7 @@ void along(uint row, uint my, uint px, uint x, uint y, out float u[8]) {
     uint pairs = params.byRow.divisor, tilesDown = params.height / (2 * kTile);
     bool inside = y < tilesDown;  // above the first row, positions wrap to large ones
     uint first = gl_WorkGroupID.z * params.tiles + 2 * ((inside ? y : 0) * pairs + x);
-    uint rows = 4 * params.channels;
+    uint rows = 4 * params.partChannels;
     float m[2][5], own[2][5];
     [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) {
         vec2 both = unpackPair(matrices.d[place(kPoints * my + mx, row, first, rows) / 2]);
@@ -88,7 +88,7 @@ ENTRY(fine_from_tiles) {
     if (!work.any) return;
     uint pair = work.pair, channel = work.channel, py = work.py;
     uvec2 at = tilePair(pair);
-    float b = kBias ? bias.d[channel] : 0;
+    float b = kBias ? bias.d[params.firstChannel + channel] : 0;
     float pixels[2][4][8];  // px, row, two apart
     [[unroll]] for (uint px = 0; px < 2; ++px) {
         uint row = 4 * channel + 2 * py + px;

@@ -28,19 +28,19 @@ const uint kRows = 0, kTilePanels = 1, kRowPanels = 2;
 
 // Workgroups: x tiles, y channels, z images.
 uint tileInPiece() { return gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationID.x; }
-uint channel() { return gl_WorkGroupID.y; }
+uint channel() { return gl_WorkGroupID.y; }  // from this dispatch's first
 uvec2 tileCorner(uint tile) {
     uint at = params.firstTile + tile, row = quotient(at, params.byRow);
     return 4 * uvec2(remainder(at, row, params.byRow), row);
 }
 uint plane() {
-    return params.startImage +
-           (gl_WorkGroupID.z * params.channels + channel()) * params.height * params.width;
+    return params.startImage + (gl_WorkGroupID.z * params.channels + params.firstChannel + channel()) *
+                                   params.height * params.width;
 }
 uint place(uint matrix, uint tile) {
     uint tiles = params.images * params.tiles, row = channel(), at = row * tiles + tile;
     if (kLayout == kTilePanels)
-        at = (tile / kWidth * params.channels + row) * kWidth + tile % kWidth;
+        at = (tile / kWidth * params.partChannels + row) * kWidth + tile % kWidth;
     if (kLayout == kRowPanels)
         at = (row / kWidth * params.panelSteps + tile) * kWidth + row % kWidth;
     return matrix * params.strideMatrix + at;
@@ -138,7 +138,7 @@ ENTRY(results_from_tiles) {
             m[my] = matrices.d[place(kSide * my + mx, from)];
         down[mx] = fromNine(m);
     }
-    float b = kBias ? bias.d[channel()] : 0;
+    float b = kBias ? bias.d[params.firstChannel + channel()] : 0;
     [[unroll]] for (uint r = 0; r < 4; ++r) {
         float m[9];
         [[unroll]] for (uint mx = 0; mx < 9; ++mx) m[mx] = down[mx][r];

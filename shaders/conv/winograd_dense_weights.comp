@@ -36,8 +36,9 @@ ENTRY(to_tiles) {
     if (i >= params.invocations) return;
     uint panel = quotient(i / kWidth, params.bySteps);
     uint step = remainder(i / kWidth, panel, params.bySteps), row = panel * kWidth + i % kWidth;
-    if (row >= (kTurned ? params.channels : params.features)) return;
-    uint from = kTurned ? step * params.channels + row : row * params.channels + step;
+    uint of = params.first + row;
+    if (of >= (kTurned ? params.channels : params.features)) return;
+    uint from = kTurned ? step * params.channels + of : of * params.channels + step;
     uint to = (row / kWidth * params.panelSteps + step) * kWidth + row % kWidth;
     float across[4][9];
     [[unroll]] for (uint r = 0; r < 4; ++r) {
@@ -74,6 +75,6 @@ ENTRY(from_tiles) {
         float s[9];
         [[unroll]] for (uint mx = 0; mx < 9; ++mx) s[mx] = down[mx][r];
         vec4 w = fourOf(s);
-        [[unroll]] for (uint k = 0; k < kKernel; ++k) weight.d[kTaps * i + kKernel * r + k] = w[k];
+        [[unroll]] for (uint k = 0; k < kKernel; ++k) weight.d[kTaps * (params.first * params.channels + i) + kKernel * r + k] = w[k];
     }
 }

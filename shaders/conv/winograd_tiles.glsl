@@ -18,7 +18,7 @@ layout(constant_id = 3) const uint kWidth = 32;  // a power of two
 layout(constant_id = 4) const bool kBias = false;
 const uint kRows = 0, kTilePanels = 1, kRowPanels = 2;
 
-// Workgroups: x pairs of tiles side by side, y channels; or, in panels of rows, the other way round,
+// Channels count from this dispatch's first. Workgroups: x pairs of tiles side by side, y channels; or, in panels of rows, the other way round,
 // so that neighbours write side by side. Of the finer image y is there twice, for py = 0 and 1. z
 // images.
 struct Work {
@@ -28,7 +28,7 @@ struct Work {
 Work workOf(bool fine) {
     uint x = gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationID.x;
     uint y = fine ? gl_WorkGroupID.y / 2 : gl_WorkGroupID.y, py = gl_WorkGroupID.y % 2;
-    if (kLayout == kRowPanels) return Work(y, x, py, x < params.channels);
+    if (kLayout == kRowPanels) return Work(y, x, py, x < params.partChannels);
     return Work(x, y, py, x < params.tiles / 2);
 }
 // Tile row and pair within it.
@@ -37,8 +37,8 @@ uvec2 tilePair(uint pair) {
     return uvec2(remainder(at, row, params.byRow), row);
 }
 uint plane(uint channel) {
-    return params.startImage +
-           (gl_WorkGroupID.z * params.channels + channel) * params.height * params.width;
+    return params.startImage + (gl_WorkGroupID.z * params.channels + params.firstChannel + channel) *
+                                   params.height * params.width;
 }
 
 // Of a matrix: the element of a row and a tile of the piece.
@@ -86,7 +86,7 @@ void fineToTiles() {
                 [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) across[t][px][mx][r] = m[mx];
             }
     }
-    uint row = 4 * channel + 2 * py, rows = 4 * params.channels;
+    uint row = 4 * channel + 2 * py, rows = 4 * params.partChannels;
     [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) {
         float m[2][2][5];  // tile, px, point
         [[unroll]] for (uint t = 0; t < 2; ++t)
@@ -132,9 +132,9 @@ void coarseToTiles() {
             uint matrix = kPoints * my + mx;
             if (kLayout == kRowPanels) {
                 [[unroll]] for (uint t = 0; t < 2; ++t)
-                    single.d[place(matrix, channel, tile + t, params.channels)] = m[t][my];
+                    single.d[place(matrix, channel, tile + t, params.partChannels)] = m[t][my];
             } else {
-                matrices.d[place(matrix, channel, tile, params.channels) / 2] =
+                matrices.d[place(matrix, channel, tile, params.partChannels) / 2] =
                     packPair(vec2(m[0][my], m[1][my]));
             }
         }

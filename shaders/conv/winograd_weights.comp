@@ -44,13 +44,13 @@ ENTRY(to_tiles) {
     [[unroll]] for (uint py = 0; py < 2; ++py) {
         vec2 g[5][5];
         if (kTurned) {
-            uint coarse = step, fine = within;
+            uint coarse = step, fine = params.first + within;
             if (fine >= params.channels) return;
             pointsOf(coarse * params.channels + fine, py, g);
             [[unroll]] for (uint m = 0; m < kPoints * kPoints; ++m)
-                store(m, 4 * fine + 2 * py, coarse, g[m / kPoints][m % kPoints]);
+                store(m, 4 * within + 2 * py, coarse, g[m / kPoints][m % kPoints]);
         } else {
-            uint fine = step, coarse = 2 * within;
+            uint fine = step, coarse = params.first + 2 * within;
             if (coarse >= params.features) return;
             vec2 next[5][5];
             pointsOf(coarse * params.channels + fine, py, g);
@@ -58,7 +58,7 @@ ENTRY(to_tiles) {
             pointsOf(min(coarse + 1, params.features - 1) * params.channels + fine, py, next);
             [[unroll]] for (uint m = 0; m < kPoints * kPoints; ++m)
                 [[unroll]] for (uint px = 0; px < 2; ++px)
-                    store(m, coarse, 4 * fine + 2 * py + px,
+                    store(m, 2 * within, 4 * fine + 2 * py + px,
                           vec2(g[m / kPoints][m % kPoints][px], next[m / kPoints][m % kPoints][px]));
         }
     }
@@ -78,7 +78,7 @@ ENTRY(from_tiles) {
             tapsFromPoints(s, across[0][mx], across[1][mx]);
         }
         [[unroll]] for (uint a = 0; a < 2; ++a) {
-            uint row = 8 * i + 2 * (2 * a + py);
+            uint row = 8 * (params.first * params.channels + i) + 2 * (2 * a + py);
             vec2 first, second;
             tapsFromPoints(across[a], first, second);
             weight.d[row] = packPair(first);
