@@ -13,14 +13,14 @@ namespace {
 constexpr int64_t kPieceElements = int64_t{1} << 22, kFewestTiles = 256;
 
 // How a layer is cut into tiles. Stride 2: 9 or 25 matrices, [4 channels, tiles] of the image and
-// [features, tiles] of the maps, tiles of 2x2 or 4x4 windows. Stride 1: 81 matrices, or 64 of
+// [features, tiles] of the maps, tiles of 2x2 or 4x4 windows. Stride 1: 81 matrices, or 36 of
 // kernels 3x3, one row per channel or feature, tiles of 4x4 windows.
 struct Tiling {
     Tiling(const Device& device, const Windows& w) : strided(w.stride == 2) {
         tile = strided && !largeTilesPay(device, w) ? 2 : 4;
         across = (w.outWidth + tile - 1) / tile;
         tiles = across * ((w.outHeight + tile - 1) / tile);
-        side = strided ? tile + 1 : w.kernelW == 3 ? 8 : 9;
+        side = strided ? tile + 1 : w.kernelW == 3 ? 6 : 9;
         matrices = side * side;
         rowsEach = strided ? 4 : 1;
         channelRows = rowsEach * w.channels;
@@ -34,9 +34,9 @@ struct Tiling {
     static constexpr int64_t kFewestLargeTiles = 128;
 
     bool strided;
-    int64_t tile;            // windows of a tile in one dimension
-    int64_t across, tiles;   // in a row, in an image
-    int64_t side, matrices;  // products in one dimension, in two
+    int64_t tile;                   // windows of a tile in one dimension
+    int64_t across, tiles;          // in a row, in an image
+    int64_t side, matrices;         // products in one dimension, in two
     int64_t rowsEach, channelRows;  // rows of a channel of the image, of all
 };
 
@@ -131,6 +131,12 @@ Tensor matricesTensor(Graph& graph, const Tiling& tiling, const Matrices& m, int
     return matrices;
 }
 
+// Which points the kernels work with.
+Specialisation points(const Tiling& tiling) {
+    if (tiling.strided) return {{"kTile", u32(tiling.tile)}};
+    return {{"kSide", u32(tiling.side)}};
+}
+
 // Parameters, workgroups and constants of the kernels between an image or maps and matrices.
 struct TileDispatch {
     WinogradParams params;
@@ -145,7 +151,7 @@ TileDispatch tileDispatch(const Tiling& tiling, const Windows& w, const Piece& p
     bool image = side == Side::Image;
     int64_t channels = whole(w, side).count;
     int64_t height = image ? w.height : w.outHeight, width = image ? w.width : w.outWidth;
-    TileDispatch d;
+    TileDispatch d{.spec = points(tiling)};
     d.params = {.channels = u32(channels),
                 .height = u32(height),
                 .width = u32(width),
@@ -162,15 +168,11 @@ TileDispatch tileDispatch(const Tiling& tiling, const Windows& w, const Piece& p
     // Invocations side by side write side by side: tiles or, in panels of rows, channels. Of the
     // image under strided windows, rows of either parity are a workgroup's.
     int64_t along = tiling.strided ? piece.tiles / 2 : piece.tiles, across = part.count;
-    if (tiling.strided && matrices.layout == Layout::RowPanels) std::swap(along, across);
+    if (matrices.layout == Layout::RowPanels) std::swap(along, across);
     if (tiling.strided && image) across *= 2;
     d.groups = planes(along, across, piece.images, d.spec);
     d.spec["kLayout"] = static_cast<uint32_t>(matrices.layout);
     d.spec["kWidth"] = u32(matrices.width);
-    if (tiling.strided)
-        d.spec["kTile"] = u32(tiling.tile);
-    else
-        d.spec["kSide"] = u32(tiling.side);
     return d;
 }
 
@@ -198,7 +200,8 @@ Tensor toTiles(Graph& graph, const Tiling& tiling, Side side, const Matrices& la
 void fromTiles(Graph& graph, const Tiling& tiling, Side side, const Windows& w, const Piece& piece,
                const Part& part, const Tensor& matrices, const Tensor& bias, const Tensor& image) {
     int64_t rows = part.count * (side == Side::Image ? tiling.rowsEach : 1);
-    TileDispatch d = tileDispatch(tiling, w, piece, side, part, Matrices::rows(rows, piece.count()));
+    TileDispatch d =
+        tileDispatch(tiling, w, piece, side, part, Matrices::rows(rows, piece.count()));
     d.spec["kBias"] = bias ? 1 : 0;
     const char* kernel = side == Side::Image ? "conv/winograd.fine_from_tiles"
                          : w.stride == 2     ? "conv/winograd.coarse_from_tiles"
@@ -220,14 +223,9 @@ WinogradWeightsParams weightsParams(const Windows& w, int64_t invocations, const
             .bySteps = divisorOf(uint64_t(turned ? w.features : w.channels))};
 }
 
-Specialisation weightsSpecialisation(const Tiling& tiling, const Windows& w) {
-    if (tiling.strided) return {{"kTile", u32(tiling.tile)}};
-    return {{"kKernel", u32(w.kernelW)}, {"kSide", u32(tiling.side)}};
-}
-
-// The left side of a product: matrices [features, channelRows] of a part of the features or, turned,
-// [channelRows, features] of a part of the channels, in panels of A's rows. Kernels of stride 1 are
-// turned by half a turn then.
+// The left side of a product: matrices [features, channelRows] of a part of the features or,
+// turned, [channelRows, features] of a part of the channels, in panels of A's rows. Kernels of
+// stride 1 are turned by half a turn then.
 struct Weights {
     Tensor matrices;
     int64_t rows = 0, steps = 0;
@@ -244,7 +242,7 @@ Weights weightsToTiles(Graph& graph, const Tiling& tiling, const Windows& w, con
     int64_t rowsEach = !tiling.strided ? 1 : turned ? 4 : 2;
     int64_t panels = (result.rows + layout.width - 1) / layout.width;
     int64_t invocations = panels * (layout.width / rowsEach) * (turned ? w.features : w.channels);
-    Specialisation spec = weightsSpecialisation(tiling, w);
+    Specialisation spec = points(tiling);
     spec["kTurned"] = turned;
     spec["kWidth"] = u32(layout.width);
     graph.dispatch(
@@ -274,8 +272,8 @@ Tensor products(Graph& graph, const Weights& weights, const Tensor& tiles, int64
     return result;
 }
 
-// The other side of the layer w = weights given (+ bias). turned: weights [channels, features], which
-// are those of the layer weightsOf, of which w is the transpose where the stride is 1.
+// The other side of the layer w = weights given (+ bias). turned: weights [channels, features],
+// which are those of the layer weightsOf, of which w is the transpose where the stride is 1.
 void convolve(Graph& graph, const Windows& w, Side side, const Tensor& given,
               const Windows& weightsOf, bool turned, const Tensor& weight, const Tensor& bias,
               const Tensor& result) {
@@ -290,9 +288,9 @@ void convolve(Graph& graph, const Windows& w, Side side, const Tensor& given,
     Weights weights;
     for (const Piece& piece : ofTiles) {
         int64_t tiles = piece.count();
-        Tensor seen = toTiles(graph, tiling, side,
-                              Matrices::tilePanels(graph.device(), rows, tiles), w, piece,
-                              whole(w, side), given);
+        Tensor seen =
+            toTiles(graph, tiling, side, Matrices::tilePanels(graph.device(), rows, tiles), w,
+                    piece, whole(w, side), given);
         for (const Part& part : ofWeights) {
             if (!weights.matrices || ofWeights.size() > 1)
                 weights = weightsToTiles(graph, tiling, weightsOf, part, weight, turned);
@@ -308,14 +306,16 @@ bool winogradPays(const Device& device, const Windows& w) {
     if (w.kernelH != w.kernelW || w.channels < 16 || w.features < 16) return false;
     bool strided =
         w.kernelW == 4 && w.stride == 2 && w.padding == 1 && w.height % 4 == 0 && w.width % 8 == 0;
-    bool dense = (w.kernelW == 3 || w.kernelW == 4) && w.stride == 1 && w.padding < w.kernelW;
+    // The points of kernels 3x3 are too much for halves, as those of large tiles.
+    bool dense = w.stride == 1 && w.padding < w.kernelW &&
+                 (w.kernelW == 4 || (w.kernelW == 3 && device.precision() == Precision::Single));
     if (!strided && !dense) return false;
     // The kernels count elements of all matrices in 32 bits; a piece may be a whole image.
     Tiling tiling(device, w);
     int64_t rows = std::max({tiling.channelRows, w.features, w.channels});
     int64_t most = std::max({tiling.tiles, kFewestTiles, rows});
     if (tiling.matrices * rows * most >= int64_t{1} << 31) return false;
-    return w.images * w.windows() >= (strided ? 256 : 1024);
+    return w.images * w.windows() >= (strided ? 256 : 320);
 }
 
 void winogradGather(Graph& graph, const Windows& w, const Tensor& image, const Tensor& weight,
@@ -378,7 +378,7 @@ void winogradWeights(Graph& graph, const Windows& w, const Tensor& image, const 
                                           : "conv/winograd_dense_weights.from_tiles",
                            {{"weight", dweight}, {"matrices", sums}},
                            weightsParams(w, invocations, part, layout, false),
-                           static_cast<uint64_t>(invocations), weightsSpecialisation(tiling, w));
+                           static_cast<uint64_t>(invocations), points(tiling));
         }
     }
 }
