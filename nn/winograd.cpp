@@ -12,31 +12,29 @@ namespace {
 // What a piece holds in tiles: enough to keep a device busy, and a bound for the memory it takes.
 constexpr int64_t kPieceElements = int64_t{1} << 22, kFewestTiles = 256;
 
-// How a layer is cut into tiles. Stride 2: 9 or 25 matrices, [4 channels, tiles] of the image and
-// [features, tiles] of the maps, tiles of 2x2 or 4x4 windows. Stride 1: 81 matrices, or 36 of
-// kernels 3x3, one row per channel or feature, tiles of 4x4 windows.
+// Halves are too coarse for the factors of any but two sets of points (shaders/conv/winograd.glsl).
+bool takesAnyPoints(const Device& device) { return device.precision() == Precision::Single; }
+
+// How a layer is cut into tiles, of 4x4 windows or, where maps are small and of stride 2, of 2x2:
+// larger ones have fewer products, but 25 transformed weights for 16 in place of 9.
 struct Tiling {
     Tiling(const Device& device, const Windows& w) : strided(w.stride == 2) {
-        tile = strided && !largeTilesPay(device, w) ? 2 : 4;
+        constexpr int64_t kFewest = 128;
+        bool large = takesAnyPoints(device) && w.outWidth % 8 == 0 && w.outHeight % 4 == 0 &&
+                     w.images * w.windows() >= 16 * kFewest;
+        tile = strided && !large ? 2 : 4;
         across = (w.outWidth + tile - 1) / tile;
         tiles = across * ((w.outHeight + tile - 1) / tile);
-        side = strided ? tile + 1 : w.kernelW == 3 ? 6 : 9;
-        matrices = side * side;
+        points = strided ? tile + 1 : !takesAnyPoints(device) ? 9 : w.kernelW == 3 ? 6 : 7;
+        matrices = points * points;
         rowsEach = strided ? 4 : 1;
         channelRows = rowsEach * w.channels;
     }
-    // Larger tiles have fewer products, but 25 transformed weights for 16 in place of 9; and halves
-    // are too coarse for their factors.
-    static bool largeTilesPay(const Device& device, const Windows& w) {
-        return device.precision() == Precision::Single && w.outWidth % 8 == 0 &&
-               w.outHeight % 4 == 0 && w.images * w.windows() >= 16 * kFewestLargeTiles;
-    }
-    static constexpr int64_t kFewestLargeTiles = 128;
 
     bool strided;
     int64_t tile;                   // windows of a tile in one dimension
     int64_t across, tiles;          // in a row, in an image
-    int64_t side, matrices;         // products in one dimension, in two
+    int64_t points, matrices;       // products in one dimension, in two
     int64_t rowsEach, channelRows;  // rows of a channel of the image, of all
 };
 
@@ -131,12 +129,6 @@ Tensor matricesTensor(Graph& graph, const Tiling& tiling, const Matrices& m, int
     return matrices;
 }
 
-// Which points the kernels work with.
-Specialisation points(const Tiling& tiling) {
-    if (tiling.strided) return {{"kTile", u32(tiling.tile)}};
-    return {{"kSide", u32(tiling.side)}};
-}
-
 // Parameters, workgroups and constants of the kernels between an image or maps and matrices.
 struct TileDispatch {
     WinogradParams params;
@@ -151,7 +143,7 @@ TileDispatch tileDispatch(const Tiling& tiling, const Windows& w, const Piece& p
     bool image = side == Side::Image;
     int64_t channels = whole(w, side).count;
     int64_t height = image ? w.height : w.outHeight, width = image ? w.width : w.outWidth;
-    TileDispatch d{.spec = points(tiling)};
+    TileDispatch d{.spec = {{"kPoints", u32(tiling.points)}}};
     d.params = {.channels = u32(channels),
                 .height = u32(height),
                 .width = u32(width),
@@ -242,9 +234,8 @@ Weights weightsToTiles(Graph& graph, const Tiling& tiling, const Windows& w, con
     int64_t rowsEach = !tiling.strided ? 1 : turned ? 4 : 2;
     int64_t panels = (result.rows + layout.width - 1) / layout.width;
     int64_t invocations = panels * (layout.width / rowsEach) * (turned ? w.features : w.channels);
-    Specialisation spec = points(tiling);
-    spec["kTurned"] = turned;
-    spec["kWidth"] = u32(layout.width);
+    Specialisation spec{
+        {"kPoints", u32(tiling.points)}, {"kTurned", turned}, {"kWidth", u32(layout.width)}};
     graph.dispatch(
         tiling.strided ? "conv/winograd_weights.to_tiles" : "conv/winograd_dense_weights.to_tiles",
         {{"weight", weight}, {"matrices", result.matrices}},
@@ -306,9 +297,8 @@ bool winogradPays(const Device& device, const Windows& w) {
     if (w.kernelH != w.kernelW || w.channels < 16 || w.features < 16) return false;
     bool strided =
         w.kernelW == 4 && w.stride == 2 && w.padding == 1 && w.height % 4 == 0 && w.width % 8 == 0;
-    // The points of kernels 3x3 are too much for halves, as those of large tiles.
     bool dense = w.stride == 1 && w.padding < w.kernelW &&
-                 (w.kernelW == 4 || (w.kernelW == 3 && device.precision() == Precision::Single));
+                 (w.kernelW == 4 || (w.kernelW == 3 && takesAnyPoints(device)));
     if (!strided && !dense) return false;
     // The kernels count elements of all matrices in 32 bits; a piece may be a whole image.
     Tiling tiling(device, w);
@@ -378,7 +368,7 @@ void winogradWeights(Graph& graph, const Windows& w, const Tensor& image, const 
                                           : "conv/winograd_dense_weights.from_tiles",
                            {{"weight", dweight}, {"matrices", sums}},
                            weightsParams(w, invocations, part, layout, false),
-                           static_cast<uint64_t>(invocations), points(tiling));
+                           static_cast<uint64_t>(invocations), {{"kPoints", u32(tiling.points)}});
         }
     }
 }

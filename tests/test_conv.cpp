@@ -205,7 +205,7 @@ TEST(Conv, WinogradPays) {
     EXPECT_FALSE(pays(64, 254, 2));
     EXPECT_FALSE(pays(64, 16, 2));
     EXPECT_FALSE(pays(64, 5600, 2));
-    EXPECT_FALSE(pays(64, 3000, 1));
+    EXPECT_FALSE(pays(64, 3600, 1));
     EXPECT_TRUE(pays(64, 256, 1, 3));
     EXPECT_FALSE(pays(64, 256, 2, 3));
     EXPECT_FALSE(pays(64, 256, 1, 5));

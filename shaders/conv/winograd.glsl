@@ -1,98 +1,125 @@
-// Winograd's way for convolutions 4x4, stride 2, padding 1, between a finer image and a coarser one
-// of half its size (Winograd, Arithmetic Complexity of Computations, 1980; Lavin and Gray, Fast
-// Algorithms for Convolutional Neural Networks, 2016).
+// Winograd's way for convolutions (Winograd, Arithmetic Complexity of Computations, 1980; Lavin and
+// Gray, Fast Algorithms for Convolutional Neural Networks, 2016).
 //
-// In one dimension, with f[-1] = 0 in front: c[o] = sum over t < 4 of w[t] f[2o - 1 + t]. Split by
-// the parity p of t, that is the sum of two correlations with two taps g_p = (w[p], w[2 + p]) over
-// u_p[i] = f[2i + p - 1]. As products of polynomials, kTile neighbouring results take one
-// multiplication for each of kTile + 1 points, where the polynomials are known:
-//     c = A^T [(G g) (B^T u)],
-// three multiplications for two results with the points 0, 1 and infinity, five for four with 0, 1,
-// -2, -1/2 and infinity. In two dimensions that is 9 or 25 per tile, for 16 or 64. The channels and
-// phases are summed before the results are put together, so that each of the products is a product
-// of matrices over all tiles. The gradients are its transposes: f = B [U^T (A c)], U = G w, and
-// w = G^T [(A c) (B^T f)^T].
+// In one dimension, c[o] = sum over t < kTaps of g[t] f[o + t] for kResults neighbouring o is a
+// product of polynomials, and takes one multiplication for each of kPoints points where these are
+// known:
+//     c = A^T [(G g) (B f)].
+// In two dimensions that is kPoints^2 for a tile of kResults^2. The channels are summed before the
+// results are put together, so that each of these products is a product of matrices over all tiles.
+// The gradients are the transposes: f = B^T [U^T (A c)], U = G g, and g = G^T [(A c) (B f)^T].
 //
-// With three points all factors are 0, 1 and -1: what is lost in precision is a bit or so. The five
-// are those of the least error (Barabasz and others, Error Analysis and Improving the Accuracy of
-// Winograd Convolution for Deep Neural Networks, 2020): twice that of adding up one by one.
+// A convolution 4x4 of stride 2 and padding 1 lies between a finer image and a coarser one of half
+// its size: c[o] = sum over t < 4 of w[t] f[2o - 1 + t]. Split by the parity p of t, that is the sum
+// of two convolutions with two taps, g_p = (w[p], w[2 + p]) over f_p[i] = f[2i + p - 1]: the phases,
+// px and py in two dimensions, are channels of their own.
 //
-// Matrices, kPoints^2 of them: [4 fine channels, tiles] of the finer image, row
-// 4 channel + 2 py + px; [coarse channels, tiles]; weights [coarse channels, 4 fine channels].
-layout(constant_id = 1) const uint kTile = 2;  // results of a tile in one dimension: 2 or 4
-const uint kPoints = kTile + 1;
+// The sets of points, and products of a tile in two dimensions for those of its definition:
+//     kPoints  taps  results  points                                   products
+//     3        2     2        0, 1, infinity                           9 for 16, stride 2
+//     5        2     4        0, 1, -2, -1/2, infinity                 25 for 64, stride 2
+//     6        3     4        0, 1, -1, 2, -1/2, infinity              36 for 144
+//     7        4     4        0, 1, -1, 2, -2, -1/2, infinity          49 for 256
+//     9        4     4        the first, of results and taps by two,   81 for 256
+//                             in which the products are the first again
+// With the first and the last all factors are 0, 1 and -1: what is lost in precision is a bit or so,
+// and halves will do. The others are those of the least error (Barabasz and others, Error Analysis
+// and Improving the Accuracy of Winograd Convolution for Deep Neural Networks, 2020): of random
+// images and kernels 2.2, 2.2 and 5 times that of adding up one by one.
+//
+// Matrices, kPoints^2 of them: [channels, tiles] of the image, of stride 2 [4 fine channels, tiles]
+// with row 4 channel + 2 py + px; [features, tiles]; weights [features, channels or rows].
+layout(constant_id = 1) const uint kPoints = 3;
+const uint kResults = kPoints == 3 ? 2 : 4;
+const uint kTaps = kPoints <= 5 ? 2 : kPoints == 6 ? 3 : 4;
+const uint kSeen = kResults + kTaps - 1;  // numbers that a tile sees
+const uint kSet = kPoints == 3 ? 0 : kPoints == 5 ? 1 : kPoints == 6 ? 2 : kPoints == 7 ? 3 : 4;
 
-// B^T u
-void toPoints(float u[5], out float m[5]) {
-    if (kTile == 2) {
-        m = float[5](u[0] - u[1], u[1], u[1] - u[2], 0, 0);
-    } else {
-        m[0] = u[0] - u[3] + 1.5 * (u[1] - u[2]);
-        m[1] = u[1] + u[3] + 2.5 * u[2];
-        m[2] = u[3] - 0.5 * (u[1] + u[2]);
-        m[3] = u[2] + u[3] - 2 * u[1];
-        m[4] = u[4] - u[1] + 1.5 * (u[3] - u[2]);
+#define ROW float[7]
+const float kNone[7] = ROW(0, 0, 0, 0, 0, 0, 0);
+const float kB[5][9][7] = float[5][9][7](
+    float[9][7](ROW(1, -1, 0, 0, 0, 0, 0), ROW(0, 1, 0, 0, 0, 0, 0), ROW(0, 1, -1, 0, 0, 0, 0),
+                kNone, kNone, kNone, kNone, kNone, kNone),
+    float[9][7](ROW(1, 1.5, -1.5, -1, 0, 0, 0), ROW(0, 1, 2.5, 1, 0, 0, 0),
+                ROW(0, 0.5, 0.5, -1, 0, 0, 0), ROW(0, -2, 1, 1, 0, 0, 0),
+                ROW(0, -1, -1.5, 1.5, 1, 0, 0), kNone, kNone, kNone, kNone),
+    float[9][7](ROW(1, 1.5, -2, -1.5, 1, 0, 0), ROW(0, 1, 2.5, 0.5, -1, 0, 0),
+                ROW(0, 1, 0.5, -2.5, 1, 0, 0), ROW(0, -0.5, -1, 0.5, 1, 0, 0),
+                ROW(0, -2, 1, 2, -1, 0, 0), ROW(0, 1, 1.5, -2, -1.5, 1, 0), kNone, kNone, kNone),
+    float[9][7](ROW(2, 4, -2.5, -5, 0.5, 1, 0), ROW(0, 2, 6, 3.5, -1.5, -1, 0),
+                ROW(0, 2, 2, -4.5, -0.5, 1, 0), ROW(0, -1, -2.5, 0, 2.5, 1, 0),
+                ROW(0, -1, -1.5, 2, 1.5, -1, 0), ROW(0, -4, 0, 5, 0, -1, 0),
+                ROW(0, 2, 4, -2.5, -5, 0.5, 1), kNone, kNone),
+    float[9][7](ROW(1, -1, -1, 1, 0, 0, 0), ROW(0, 0, 1, -1, 0, 0, 0), ROW(0, 0, 1, -1, -1, 1, 0),
+                ROW(0, 1, 0, -1, 0, 0, 0), ROW(0, 0, 0, 1, 0, 0, 0), ROW(0, 0, 0, 1, 0, -1, 0),
+                ROW(0, 1, -1, -1, 1, 0, 0), ROW(0, 0, 0, 1, -1, 0, 0),
+                ROW(0, 0, 0, 1, -1, -1, 1)));
+#undef ROW
+const vec4 kG[5][9] = vec4[5][9](
+    vec4[9](vec4(1, 0, 0, 0), vec4(1, 1, 0, 0), vec4(0, 1, 0, 0), vec4(0), vec4(0), vec4(0),
+            vec4(0), vec4(0), vec4(0)),
+    vec4[9](vec4(1, 0, 0, 0), vec4(2, 2, 0, 0) / 9, vec4(1, -2, 0, 0) / 9, vec4(8, -4, 0, 0) / 9,
+            vec4(0, 1, 0, 0), vec4(0), vec4(0), vec4(0), vec4(0)),
+    vec4[9](vec4(1, 0, 0, 0), vec4(1, 1, 1, 0) / 3, vec4(1, -1, 1, 0) / 3, vec4(1, 2, 4, 0) / 15,
+            vec4(16, -8, 4, 0) / 15, vec4(0, 0, 1, 0), vec4(0), vec4(0), vec4(0)),
+    vec4[9](vec4(0.5, 0, 0, 0), vec4(1, 1, 1, 1) / 9, vec4(1, -1, 1, -1) / 3,
+            vec4(1, 2, 4, 8) / 60, vec4(1, -2, 4, -8) / 36, vec4(32, -16, 8, -4) / 45,
+            vec4(0, 0, 0, 1), vec4(0), vec4(0)),
+    vec4[9](vec4(1, 0, 0, 0), vec4(1, 0, 1, 0), vec4(0, 0, 1, 0), vec4(1, 1, 0, 0),
+            vec4(1, 1, 1, 1), vec4(0, 0, 1, 1), vec4(0, 1, 0, 0), vec4(0, 1, 0, 1),
+            vec4(0, 0, 0, 1)));
+const vec4 kA[5][9] = vec4[5][9](
+    vec4[9](vec4(1, 0, 0, 0), vec4(1, 1, 0, 0), vec4(0, -1, 0, 0), vec4(0), vec4(0), vec4(0),
+            vec4(0), vec4(0), vec4(0)),
+    vec4[9](vec4(1, 0, 0, 0), vec4(1, 1, 1, 1), vec4(1, -2, 4, -8), vec4(1, -0.5, 0.25, -0.125),
+            vec4(0, 0, 0, 1), vec4(0), vec4(0), vec4(0), vec4(0)),
+    vec4[9](vec4(1, 0, 0, 0), vec4(1, 1, 1, 1), vec4(1, -1, 1, -1), vec4(1, 2, 4, 8),
+            vec4(1, -0.5, 0.25, -0.125), vec4(0, 0, 0, 1), vec4(0), vec4(0), vec4(0)),
+    vec4[9](vec4(1, 0, 0, 0), vec4(1, 1, 1, 1), vec4(1, -1, 1, -1), vec4(1, 2, 4, 8),
+            vec4(1, -2, 4, -8), vec4(1, -0.5, 0.25, -0.125), vec4(0, 0, 0, 1), vec4(0), vec4(0)),
+    vec4[9](vec4(1, 0, 0, 0), vec4(1, 0, 1, 0), vec4(0, 0, -1, 0), vec4(1, 1, 0, 0),
+            vec4(1, 1, 1, 1), vec4(0, 0, -1, -1), vec4(0, -1, 0, 0), vec4(0, -1, 0, -1),
+            vec4(0, 0, 0, 1)));
+
+// What follows is unrolled, and products with 0 and 1 fall away.
+void toPoints(float f[7], out float m[9]) {  // B f
+    [[unroll]] for (uint i = 0; i < kPoints; ++i) {
+        m[i] = 0;
+        [[unroll]] for (uint k = 0; k < kSeen; ++k) m[i] += kB[kSet][i][k] * f[k];
     }
 }
 
-// B m
-void fromPoints(float m[5], out float u[5]) {
-    if (kTile == 2) {
-        u = float[5](m[0], m[1] + m[2] - m[0], -m[2], 0, 0);
-    } else {
-        u[0] = m[0];
-        u[1] = 1.5 * m[0] + m[1] - 0.5 * m[2] - 2 * m[3] - m[4];
-        u[2] = 2.5 * m[1] - 0.5 * m[2] + m[3] - 1.5 * (m[0] + m[4]);
-        u[3] = m[1] + m[2] + m[3] - m[0] + 1.5 * m[4];
-        u[4] = m[4];
+void fromPoints(float m[9], out float f[7]) {  // B^T m
+    [[unroll]] for (uint k = 0; k < kSeen; ++k) {
+        f[k] = 0;
+        [[unroll]] for (uint i = 0; i < kPoints; ++i) f[k] += kB[kSet][i][k] * m[i];
     }
 }
 
-// A^T m
-void fromProducts(float m[5], out float c[4]) {
-    if (kTile == 2) {
-        c = float[4](m[0] + m[1], m[1] - m[2], 0, 0);
-    } else {
-        c[0] = m[0] + m[1] + m[2] + m[3];
-        c[1] = m[1] - 2 * m[2] - 0.5 * m[3];
-        c[2] = m[1] + 4 * m[2] + 0.25 * m[3];
-        c[3] = m[1] - 8 * m[2] - 0.125 * m[3] + m[4];
+void toProducts(float c[4], out float m[9]) {  // A c
+    [[unroll]] for (uint i = 0; i < kPoints; ++i) {
+        m[i] = 0;
+        [[unroll]] for (uint k = 0; k < kResults; ++k) m[i] += kA[kSet][i][k] * c[k];
     }
 }
 
-// A c
-void toProducts(float c[4], out float m[5]) {
-    if (kTile == 2) {
-        m = float[5](c[0], c[0] + c[1], -c[1], 0, 0);
-    } else {
-        m[0] = c[0];
-        m[1] = c[0] + c[1] + c[2] + c[3];
-        m[2] = c[0] - 2 * c[1] + 4 * c[2] - 8 * c[3];
-        m[3] = c[0] - 0.5 * c[1] + 0.25 * c[2] - 0.125 * c[3];
-        m[4] = c[3];
+void fromProducts(float m[9], out float c[4]) {  // A^T m
+    [[unroll]] for (uint k = 0; k < kResults; ++k) {
+        c[k] = 0;
+        [[unroll]] for (uint i = 0; i < kPoints; ++i) c[k] += kA[kSet][i][k] * m[i];
     }
 }
 
-// G w, of two kernels
-void tapsToPoints(vec2 first, vec2 second, out vec2 g[5]) {
-    if (kTile == 2) {
-        g = vec2[5](first, first + second, second, vec2(0), vec2(0));
-    } else {
-        g[0] = first;
-        g[1] = 2.0 / 9 * (first + second);
-        g[2] = 2.0 / 9 * second - 1.0 / 9 * first;
-        g[3] = 8.0 / 9 * first - 4.0 / 9 * second;
-        g[4] = second;
+void tapsToPoints(float w[4], out float m[9]) {  // G w
+    [[unroll]] for (uint i = 0; i < kPoints; ++i) {
+        m[i] = 0;
+        [[unroll]] for (uint k = 0; k < kTaps; ++k) m[i] += kG[kSet][i][k] * w[k];
     }
 }
 
-// G^T s
-void tapsFromPoints(vec2 s[5], out vec2 first, out vec2 second) {
-    if (kTile == 2) {
-        first = s[0] + s[1];
-        second = s[1] + s[2];
-    } else {
-        first = s[0] + 2.0 / 9 * s[1] - 1.0 / 9 * s[2] + 8.0 / 9 * s[3];
-        second = s[4] + 2.0 / 9 * (s[1] + s[2]) - 4.0 / 9 * s[3];
+void tapsFromPoints(float m[9], out float w[4]) {  // G^T m
+    [[unroll]] for (uint k = 0; k < kTaps; ++k) {
+        w[k] = 0;
+        [[unroll]] for (uint i = 0; i < kPoints; ++i) w[k] += kG[kSet][i][k] * m[i];
     }
 }

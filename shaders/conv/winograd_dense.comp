@@ -3,7 +3,7 @@
 #extension GL_EXT_control_flow_attributes : require
 #include "common/op.glsl"
 #include "conv/params.h"
-#include "conv/winograd_dense.glsl"
+#include "conv/winograd.glsl"
 PARAMS(WinogradParams, 4)
 BUFFER(0, readonly, float, image);      // [images, channels, height, width]
 BUFFER(1, readwrite, float, matrices);
@@ -44,21 +44,21 @@ ENTRY(image_to_tiles) {
     uvec2 corner = tileCorner(tile) - params.padding;  // outside, positions wrap to large ones
     uint start = plane(), to = gl_WorkGroupID.z * params.tiles + tile;
     float across[7][9];
-    [[unroll]] for (uint r = 0; r < kPixels; ++r) {
+    [[unroll]] for (uint r = 0; r < kSeen; ++r) {
         float f[7];
-        [[unroll]] for (uint i = 0; i < kPixels; ++i) {
+        [[unroll]] for (uint i = 0; i < kSeen; ++i) {
             bool inside = corner.y + r < params.height && corner.x + i < params.width;
             float v = image.d[start + (inside ? (corner.y + r) * params.width + corner.x + i : 0)];
             f[i] = inside ? v : 0;
         }
         toPoints(f, across[r]);
     }
-    [[unroll]] for (uint mx = 0; mx < kSide; ++mx) {
+    [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) {
         float f[7], u[9];
-        [[unroll]] for (uint r = 0; r < kPixels; ++r) f[r] = across[r][mx];
+        [[unroll]] for (uint r = 0; r < kSeen; ++r) f[r] = across[r][mx];
         toPoints(f, u);
-        [[unroll]] for (uint my = 0; my < kSide; ++my)
-            matrices.d[place(kSide * my + mx, to)] = u[my];
+        [[unroll]] for (uint my = 0; my < kPoints; ++my)
+            matrices.d[place(kPoints * my + mx, to)] = u[my];
     }
 }
 
@@ -69,7 +69,7 @@ ENTRY(results_to_tiles) {
     uint start = plane(), to = gl_WorkGroupID.z * params.tiles + tile;
     float across[4][9];
     [[unroll]] for (uint r = 0; r < 4; ++r) {
-        vec4 c;
+        float c[4];
         [[unroll]] for (uint i = 0; i < 4; ++i) {
             bool inside = corner.y + r < params.height && corner.x + i < params.width;
             float v = image.d[start + (inside ? (corner.y + r) * params.width + corner.x + i : 0)];
@@ -77,11 +77,11 @@ ENTRY(results_to_tiles) {
         }
         toProducts(c, across[r]);
     }
-    [[unroll]] for (uint mx = 0; mx < kSide; ++mx) {
+    [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) {
         float u[9];
-        toProducts(vec4(across[0][mx], across[1][mx], across[2][mx], across[3][mx]), u);
-        [[unroll]] for (uint my = 0; my < kSide; ++my)
-            matrices.d[place(kSide * my + mx, to)] = u[my];
+        toProducts(float[4](across[0][mx], across[1][mx], across[2][mx], across[3][mx]), u);
+        [[unroll]] for (uint my = 0; my < kPoints; ++my)
+            matrices.d[place(kPoints * my + mx, to)] = u[my];
     }
 }
 
@@ -90,20 +90,20 @@ ENTRY(results_from_tiles) {
     uint tile = tileInPiece();
     uvec2 corner = tileCorner(tile);
     uint start = plane(), from = gl_WorkGroupID.z * params.tiles + tile;
-    vec4 down[9];  // per mx, four rows
-    [[unroll]] for (uint mx = 0; mx < kSide; ++mx) {
+    float down[9][4];  // per mx, four rows
+    [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) {
         float m[9];
-        [[unroll]] for (uint my = 0; my < kSide; ++my)
-            m[my] = matrices.d[place(kSide * my + mx, from)];
-        down[mx] = fromProducts(m);
+        [[unroll]] for (uint my = 0; my < kPoints; ++my)
+            m[my] = matrices.d[place(kPoints * my + mx, from)];
+        fromProducts(m, down[mx]);
     }
     float b = kBias ? bias.d[params.firstChannel + channel()] : 0;
     [[unroll]] for (uint r = 0; r < 4; ++r) {
-        float m[9];
-        [[unroll]] for (uint mx = 0; mx < kSide; ++mx) m[mx] = down[mx][r];
-        vec4 c = fromProducts(m) + b;
+        float m[9], c[4];
+        [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) m[mx] = down[mx][r];
+        fromProducts(m, c);
         [[unroll]] for (uint i = 0; i < 4; ++i)
             if (corner.y + r < params.height && corner.x + i < params.width)
-                result.d[start + (corner.y + r) * params.width + corner.x + i] = c[i];
+                result.d[start + (corner.y + r) * params.width + corner.x + i] = c[i] + b;
     }
 }

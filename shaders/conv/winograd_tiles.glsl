@@ -16,7 +16,7 @@ BUFFER(4, writeonly, float, single);       // the matrices, one by one
 layout(constant_id = 2) const uint kLayout = 0;
 layout(constant_id = 3) const uint kWidth = 32;  // a power of two
 layout(constant_id = 4) const bool kBias = false;
-const uint kRows = 0, kTilePanels = 1, kRowPanels = 2;
+const uint kRows = 0, kResultsPanels = 1, kRowPanels = 2;
 
 // Channels count from this dispatch's first. Workgroups: x pairs of tiles side by side, y channels; or, in panels of rows, the other way round,
 // so that neighbours write side by side. Of the finer image y is there twice, for py = 0 and 1. z
@@ -44,7 +44,7 @@ uint plane(uint channel) {
 // Of a matrix: the element of a row and a tile of the piece.
 uint place(uint matrix, uint row, uint tile, uint rows) {
     uint at = row * params.images * params.tiles + tile;
-    if (kLayout == kTilePanels) at = (tile / kWidth * rows + row) * kWidth + tile % kWidth;
+    if (kLayout == kResultsPanels) at = (tile / kWidth * rows + row) * kWidth + tile % kWidth;
     if (kLayout == kRowPanels)
         at = (row / kWidth * params.panelSteps + tile) * kWidth + row % kWidth;
     return matrix * params.strideMatrix + at;
@@ -62,33 +62,34 @@ vec4 fourPixels(uint start, uint y, uint x) {
     return inside ? v : vec4(0);
 }
 
-// B^T f: per tile of (2 kTile + 2)^2 pixels and phase.
+// B f: per tile of (2 kResults + 2)^2 pixels and phase.
 void fineToTiles() {
     Work work = workOf(true);
     if (!work.any) return;
     uint pair = work.pair, channel = work.channel, py = work.py;
     uvec2 at = tilePair(pair);
     uint start = plane(channel), tile = gl_WorkGroupID.z * params.tiles + 2 * pair;
-    float across[2][2][5][5];  // tile, px, point, row of the phase
-    [[unroll]] for (uint r = 0; r < kPoints; ++r) {
+    float across[2][2][5][7];  // tile, px, point, row of the phase
+    [[unroll]] for (uint r = 0; r < kSeen; ++r) {
         // The pair's pixels, and four more at both ends, of which one is wanted.
-        uint y = 2 * (kTile * at.y + r) + py - 1, x = 4 * kTile * at.x - 4;
+        uint y = 2 * (kResults * at.y + r) + py - 1, x = 4 * kResults * at.x - 4;
         float v[24];
-        [[unroll]] for (uint i = 0; i < kTile + 2; ++i) {
+        [[unroll]] for (uint i = 0; i < kResults + 2; ++i) {
             vec4 four = fourPixels(start, y, x + 4 * i);
             [[unroll]] for (uint k = 0; k < 4; ++k) v[4 * i + k] = four[k];
         }
         [[unroll]] for (uint t = 0; t < 2; ++t)
             [[unroll]] for (uint px = 0; px < 2; ++px) {
-                float u[5], m[5];
-                [[unroll]] for (uint i = 0; i < kPoints; ++i) u[i] = v[3 + 2 * (kTile * t + i) + px];
-                toPoints(u, m);
+                float f[7], m[9];
+                [[unroll]] for (uint i = 0; i < kSeen; ++i)
+                    f[i] = v[3 + 2 * (kResults * t + i) + px];
+                toPoints(f, m);
                 [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) across[t][px][mx][r] = m[mx];
             }
     }
     uint row = 4 * channel + 2 * py, rows = 4 * params.partChannels;
     [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) {
-        float m[2][2][5];  // tile, px, point
+        float m[2][2][9];  // tile, px, point
         [[unroll]] for (uint t = 0; t < 2; ++t)
             [[unroll]] for (uint px = 0; px < 2; ++px) toPoints(across[t][px][mx], m[t][px]);
         [[unroll]] for (uint my = 0; my < kPoints; ++my)
@@ -104,7 +105,7 @@ void fineToTiles() {
     }
 }
 
-// A c: per tile of kTile^2 pixels.
+// A c: per tile of kResults^2 pixels.
 void coarseToTiles() {
     Work work = workOf(false);
     if (!work.any) return;
@@ -112,21 +113,21 @@ void coarseToTiles() {
     uvec2 at = tilePair(pair);
     uint tile = gl_WorkGroupID.z * params.tiles + 2 * pair;
     float across[2][5][4];  // tile, point, row
-    [[unroll]] for (uint r = 0; r < kTile; ++r) {
+    [[unroll]] for (uint r = 0; r < kResults; ++r) {
         float v[8];
-        [[unroll]] for (uint i = 0; i < kTile / 2; ++i) {
-            vec4 four = fourPixels(plane(channel), kTile * at.y + r, 2 * kTile * at.x + 4 * i);
+        [[unroll]] for (uint i = 0; i < kResults / 2; ++i) {
+            vec4 four = fourPixels(plane(channel), kResults * at.y + r, 2 * kResults * at.x + 4 * i);
             [[unroll]] for (uint k = 0; k < 4; ++k) v[4 * i + k] = four[k];
         }
         [[unroll]] for (uint t = 0; t < 2; ++t) {
-            float c[4], m[5];
-            [[unroll]] for (uint i = 0; i < kTile; ++i) c[i] = v[kTile * t + i];
+            float c[4], m[9];
+            [[unroll]] for (uint i = 0; i < kResults; ++i) c[i] = v[kResults * t + i];
             toProducts(c, m);
             [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) across[t][mx][r] = m[mx];
         }
     }
     [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) {
-        float m[2][5];
+        float m[2][9];
         [[unroll]] for (uint t = 0; t < 2; ++t) toProducts(across[t][mx], m[t]);
         [[unroll]] for (uint my = 0; my < kPoints; ++my) {
             uint matrix = kPoints * my + mx;

@@ -16,15 +16,19 @@ layout(constant_id = 3) const bool kTurned = false;
 
 // The points of weight's kernels of phases (py, 0) and (py, 1).
 void pointsOf(uint weightIndex, uint py, out vec2 g[5][5]) {  // my, mx
-    vec2 across[2][5];
-    [[unroll]] for (uint a = 0; a < 2; ++a) {
-        uint row = 8 * weightIndex + 2 * (2 * a + py);
-        tapsToPoints(unpackPair(weight.d[row]), unpackPair(weight.d[row + 1]), across[a]);
-    }
-    [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) {
-        vec2 down[5];
-        tapsToPoints(across[0][mx], across[1][mx], down);
-        [[unroll]] for (uint my = 0; my < kPoints; ++my) g[my][mx] = down[my];
+    vec2 taps[2][2];  // of both phases, by row and column
+    [[unroll]] for (uint a = 0; a < 2; ++a)
+        [[unroll]] for (uint b = 0; b < 2; ++b)
+            taps[a][b] = unpackPair(weight.d[8 * weightIndex + 2 * (2 * a + py) + b]);
+    [[unroll]] for (uint px = 0; px < 2; ++px) {
+        float across[2][9];
+        [[unroll]] for (uint a = 0; a < 2; ++a)
+            tapsToPoints(float[4](taps[a][0][px], taps[a][1][px], 0, 0), across[a]);
+        [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) {
+            float m[9];
+            tapsToPoints(float[4](across[0][mx], across[1][mx], 0, 0), m);
+            [[unroll]] for (uint my = 0; my < kPoints; ++my) g[my][mx][px] = m[my];
+        }
     }
 }
 
@@ -69,20 +73,29 @@ ENTRY(from_tiles) {
     uint i = linearIndex();
     if (i >= params.invocations) return;
     [[unroll]] for (uint py = 0; py < 2; ++py) {
-        vec2 across[2][5];
-        [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) {
-            vec2 s[5];
-            [[unroll]] for (uint my = 0; my < kPoints; ++my)
-                s[my] = unpackPair(
-                    matrices.d[((kPoints * my + mx) * params.strideMatrix + 4 * i) / 2 + py]);
-            tapsFromPoints(s, across[0][mx], across[1][mx]);
+        vec2 sums[5][5];  // mx, my
+        [[unroll]] for (uint m = 0; m < kPoints * kPoints; ++m)
+            sums[m % kPoints][m / kPoints] =
+                unpackPair(matrices.d[(m * params.strideMatrix + 4 * i) / 2 + py]);
+        vec2 taps[2][2];  // of both phases, by row and column
+        [[unroll]] for (uint px = 0; px < 2; ++px) {
+            float across[2][9];
+            [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) {
+                float down[9], w[4];
+                [[unroll]] for (uint my = 0; my < kPoints; ++my) down[my] = sums[mx][my][px];
+                tapsFromPoints(down, w);
+                [[unroll]] for (uint a = 0; a < 2; ++a) across[a][mx] = w[a];
+            }
+            [[unroll]] for (uint a = 0; a < 2; ++a) {
+                float w[4];
+                tapsFromPoints(across[a], w);
+                [[unroll]] for (uint b = 0; b < 2; ++b) taps[a][b][px] = w[b];
+            }
         }
-        [[unroll]] for (uint a = 0; a < 2; ++a) {
-            uint row = 8 * (params.first * params.channels + i) + 2 * (2 * a + py);
-            vec2 first, second;
-            tapsFromPoints(across[a], first, second);
-            weight.d[row] = packPair(first);
-            weight.d[row + 1] = packPair(second);
-        }
+        [[unroll]] for (uint a = 0; a < 2; ++a)
+            [[unroll]] for (uint b = 0; b < 2; ++b) {
+                uint row = 8 * (params.first * params.channels + i) + 2 * (2 * a + py);
+                weight.d[row + b] = packPair(taps[a][b]);
+            }
     }
 }
