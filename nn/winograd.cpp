@@ -19,7 +19,7 @@ bool takesAnyPoints(const Device& device) { return device.precision() == Precisi
 // larger ones have fewer products, but 25 transformed weights for 16 in place of 9.
 struct Tiling {
     Tiling(const Device& device, const Windows& w) : strided(w.stride == 2) {
-        constexpr int64_t kFewest = 128;
+        constexpr int64_t kFewest = 64;
         bool large = takesAnyPoints(device) && w.outWidth % 8 == 0 && w.outHeight % 4 == 0 &&
                      w.images * w.windows() >= 16 * kFewest;
         tile = strided && !large ? 2 : 4;
@@ -65,11 +65,14 @@ struct Part {
 };
 
 // Transformed weights are several times what they were of; so a product takes as many rows of them
-// at a time as stay in a cache until they are used. With several pieces they wait for all of these,
-// and are made at once.
-std::vector<Part> parts(int64_t channels, int64_t elementsEach, size_t pieces) {
-    constexpr int64_t kWeightElements = int64_t{1} << 21, kMultiple = 32;  // rows of a panel
-    int64_t fit = pieces > 1 ? channels : std::max<int64_t>(1, kWeightElements / elementsEach);
+// at a time as stay in a cache until they are used (GPUs: as keep them busy). With several pieces
+// they wait for all of these, and are made at once.
+std::vector<Part> parts(const Device& device, int64_t channels, int64_t elementsEach,
+                        size_t pieces) {
+    constexpr int64_t kOfCpu = int64_t{1} << 20, kOfGpu = int64_t{1} << 24;
+    constexpr int64_t kMultiple = 32;  // rows of a panel
+    int64_t elements = loadsTexels(device) ? kOfCpu : kOfGpu;
+    int64_t fit = pieces > 1 ? channels : std::max<int64_t>(1, elements / elementsEach);
     int64_t count = (channels + fit - 1) / fit;
     int64_t each = ((channels + count - 1) / count + kMultiple - 1) / kMultiple * kMultiple;
     std::vector<Part> result;
@@ -275,7 +278,8 @@ void convolve(Graph& graph, const Windows& w, Side side, const Tensor& given,
     int64_t rows = gathers ? tiling.channelRows : w.features;
     int64_t elementsEach = tiling.matrices * rows * (gathers ? 1 : tiling.rowsEach);
     std::vector<Piece> ofTiles = pieces(tiling, w, !gathers);
-    std::vector<Part> ofWeights = parts(whole(w, made).count, elementsEach, ofTiles.size());
+    std::vector<Part> ofWeights =
+        parts(graph.device(), whole(w, made).count, elementsEach, ofTiles.size());
     Weights weights;
     for (const Piece& piece : ofTiles) {
         int64_t tiles = piece.count();
@@ -332,7 +336,7 @@ void winogradWeights(Graph& graph, const Windows& w, const Tensor& image, const 
     Tiling tiling(device, w);
     std::vector<Piece> ofTiles = pieces(tiling, w, false);
     std::vector<Part> ofWeights =
-        parts(w.features, tiling.matrices * tiling.channelRows, ofTiles.size());
+        parts(device, w.features, tiling.matrices * tiling.channelRows, ofTiles.size());
     const int64_t rowsAtOnce = ofWeights.front().count;
     Tensor seen, sums = graph.temporary(
                      {tiling.matrices, Matrices::rows(rowsAtOnce, tiling.channelRows).elements});
