@@ -94,6 +94,7 @@ Plan plan(const Device& device, const Gemm& g) {
 struct Source {
     Tensor tensor;
     int64_t start, batch, strideMatrix, count, strideItem, strideStep;
+    int64_t stridePanel = 0;  // 0: width items
 };
 // halves: rounded, two to an element, and, with largest, scaled. interleaved: kGemmInterleaved.
 Tensor pack(Graph& graph, const Source& s, int64_t steps, int64_t stepsInPanel, uint32_t width,
@@ -107,6 +108,7 @@ Tensor pack(Graph& graph, const Source& s, int64_t steps, int64_t stepsInPanel, 
                         .strideMatrix = u32(s.strideMatrix),
                         .strideItem = u32(s.strideItem),
                         .strideStep = u32(s.strideStep),
+                        .stridePanel = u32(s.stridePanel ? s.stridePanel : width * s.strideItem),
                         .panels = u32(panels)};
     uint32_t pairs = 0;
     if (s.strideItem == 1 && divisible(2, {s.start, s.strideMatrix, s.strideStep, s.count}))
@@ -290,8 +292,8 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
         int64_t matrices = g.strideA == 0 ? 1 : g.batch;
         Source source{
             a, g.startA, matrices, g.strideA, g.m, g.transA ? 1 : g.lda, g.transA ? g.lda : 1};
-        if (g.panelsA)  // panels already, of single precision: each is a matrix
-            source = {a, 0, matrices * ceilDiv(g.m, p.rows), g.lda, p.rows, 1, p.rows};
+        if (g.panelsA)  // panels already, of single precision
+            source = {a, 0, matrices, g.strideA, ceilDiv(g.m, p.rows) * p.rows, 1, p.rows, g.lda};
         left = pack(graph, source, g.k, stepsA, p.rows, p.halves, g.largestA);
         layoutA = kGemmPanels;
         g.startA = 0;
@@ -302,9 +304,10 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
         int64_t matrices = g.strideB == 0 ? 1 : g.batch;
         Source source{
             b, g.startB, matrices, g.strideB, g.n, g.transB ? g.ldb : 1, g.transB ? 1 : g.ldb};
-        if (g.panelsB)
-            source = {b, 0,          matrices * ceilDiv(g.n, p.columns()), g.ldb, p.columns(),
-                      1, p.columns()};
+        if (g.panelsB) {
+            int64_t width = p.columns();
+            source = {b, 0, matrices, g.strideB, ceilDiv(g.n, width) * width, 1, width, g.ldb};
+        }
         right =
             pack(graph, source, g.k, stepsB, u32(p.columns()), p.halves, g.largestB, interleaved);
         layoutB = interleaved ? kGemmInterleaved : kGemmPanels;

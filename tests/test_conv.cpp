@@ -170,6 +170,37 @@ TEST(Conv, Winograd) {
     }
 }
 
+// Halves take other points, or columns (kernels 3x3): all as good as products of halves are.
+TEST(Conv, WinogradWithMixedPrecision) {
+    const Case cases[] = {{{1, 16, 64, 64}, {17, 16, 4, 4}, 2, 1},
+                          {{2, 17, 31, 34}, {16, 17, 4, 4}, 1, 1},
+                          {{2, 17, 31, 34}, {16, 17, 3, 3}, 1, 1}};
+    for (const Case& c : cases) {
+        SCOPED_TRACE(toString(c.weight));
+        auto run = [&](Precision precision) {
+            Npz in;
+            auto set = [&](const char* name, const Shape& shape, uint32_t seed) {
+                in.set(name, Array::f64(shape, random(shape, seed).data));
+            };
+            auto out = [&](int64_t size) {
+                return (size + 2 * c.padding - c.weight[2]) / c.stride + 1;
+            };
+            set("x", c.x, 1);
+            set("weight", c.weight, 2);
+            set("grad_y", {c.x[0], c.weight[0], out(c.x[2]), out(c.x[3])}, 3);
+            in.set("attr_stride", Array::scalarF64(c.stride));
+            in.set("attr_padding", Array::scalarF64(c.padding));
+            return Op::find("conv2d")->run(testDevice(precision), in, {});
+        };
+        Npz mixed = run(Precision::Mixed), single = run(Precision::Single);
+        for (const char* name : {"y", "grad_x", "grad_weight"}) {
+            double error = relativeError(mixed.at(name).toF64(), single.at(name).toF64(), 1e-12);
+            EXPECT_LE(error, 2e-3) << name;
+            EXPECT_GE(error, 1e-5) << name << " is of single precision";
+        }
+    }
+}
+
 // Kernels 1x1 are products with the images themselves.
 TEST(Conv, SinglePixels) {
     const Case cases[] = {{{1, 20, 9, 7}, {33, 20, 1, 1}, 1, 0},

@@ -36,10 +36,12 @@ ENTRY(pack) {
     uint stepsInPanel = params.stepsInPanel, steps = params.steps, count = params.count;
     if (step >= stepsInPanel) return;
     uint strideItem = params.strideItem, strideStep = params.strideStep;
-    uint start = params.start + gl_WorkGroupID.z * params.strideMatrix;
+    uint first = gl_WorkGroupID.y * kWidth;  // item of this panel
+    uint start = params.start + gl_WorkGroupID.z * params.strideMatrix +
+                 gl_WorkGroupID.y * params.stridePanel;
     // Beyond the end the last element is read, and a zero written.
-    uint left = start + min(item, count - 1) * strideItem;
-    uint right = start + min(item + 1, count - 1) * strideItem;
+    uint left = start + (min(item, count - 1) - first) * strideItem;
+    uint right = start + (min(item + 1, count - 1) - first) * strideItem;
     bvec2 items = bvec2(item < count, item + 1 < count);
     vec2 v[kSteps];
     if (kPairs == 2) {
@@ -54,7 +56,7 @@ ENTRY(pack) {
         [[unroll]] for (uint s = 0; s < kSteps; ++s) {
             uint at = min(step + s, steps - 1) * strideStep;
             if (kPairs == 1)
-                v[s] = unpackPair(pairs.d[(start + min(item, count - 2) + at) / 2]);
+                v[s] = unpackPair(pairs.d[(start + min(item, count - 2) - first + at) / 2]);
             else
                 v[s] = vec2(matrix.d[left + at], matrix.d[right + at]);
         }

@@ -36,6 +36,7 @@ struct PanelsParams {
     uint stepsInPanel;       // k, rounded up: zero behind k
     uint start, strideMatrix;
     uint strideItem, strideStep;  // elements from one row or column, from one step to the next
+    uint stridePanel;             // from the first row or column of a panel to the next one's
     uint panels;
 };
 struct LargestParams {
