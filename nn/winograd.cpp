@@ -337,15 +337,14 @@ void winogradWeights(Graph& graph, const Windows& w, const Tensor& image, const 
     std::vector<Piece> ofTiles = pieces(tiling, w, false);
     std::vector<Part> ofWeights =
         parts(device, w.features, tiling.matrices * tiling.channelRows, ofTiles.size());
-    const int64_t rowsAtOnce = ofWeights.front().count;
-    Tensor seen, sums = graph.temporary(
-                     {tiling.matrices, Matrices::rows(rowsAtOnce, tiling.channelRows).elements});
+    Matrices layout = Matrices::rows(ofWeights.front().count, tiling.channelRows);
+    Tensor sums = graph.temporary({tiling.matrices, layout.elements});
     for (const Piece& piece : ofTiles) {
         int64_t tiles = piece.count();
-        seen = toTiles(graph, tiling, Side::Image,
-                       Matrices::rowPanels(gemmPanelWidth(device, tiling.channelRows),
-                                           tiling.channelRows, tiles),
-                       w, piece, whole(w, Side::Image), image);
+        Tensor seen = toTiles(graph, tiling, Side::Image,
+                              Matrices::rowPanels(gemmPanelWidth(device, tiling.channelRows),
+                                                  tiling.channelRows, tiles),
+                              w, piece, whole(w, Side::Image), image);
         for (const Part& part : ofWeights) {
             Tensor given = toTiles(graph, tiling, Side::Maps,
                                    Matrices::rowPanels(gemmPanelRows(device, part.count),
@@ -361,13 +360,11 @@ void winogradWeights(Graph& graph, const Windows& w, const Tensor& image, const 
                   .batch = tiling.matrices,
                   .strideA = given.dim(1),
                   .strideB = seen.dim(1),
-                  .strideC = sums.dim(1),
+                  .strideC = layout.elements,
                   .largestA = w.largestMaps,
                   .largestB = w.largestImage});
             if (&piece != &ofTiles.back()) continue;
             int64_t invocations = part.count * w.channels;
-            Matrices layout;
-            layout.elements = sums.dim(1);
             graph.dispatch(tiling.strided ? "conv/winograd_weights.from_tiles"
                                           : "conv/winograd_dense_weights.from_tiles",
                            {{"weight", dweight}, {"matrices", sums}},
