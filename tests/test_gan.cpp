@@ -398,7 +398,8 @@ TEST(RefineStep, DiscriminatorsLearnToTellAndTheGeneratorSeesTheUpdatedOnes) {
     RefineConfig config = StepTest::small();
     config.reconstruction = config.misaligned = config.adversarial = 0;
     config.generatorOptimiser.rateScale = 0;
-    config.discriminatorOptimiser.rateScale = 4;
+    // With four times the rate the face's swings, and when it settles is up to the last bits.
+    config.discriminatorOptimiser.rateScale = 2;
     StepTest test(config);
     auto read = [&](const Tensor& t) { return test.step.graph.readScalar(t); };
     test.run(1);
