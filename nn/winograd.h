@@ -1,7 +1,7 @@
-// Convolutions with fewer products: 4x4 of stride 2 and padding 1 with nine sixteenths of them or
-// two fifths (shaders/conv/winograd.glsl; the finer image is the windows' image, the coarser one its
-// maps), of stride 1 with less than a third, 3x3 with a quarter (conv/winograd_dense.glsl). For
-// nn/conv.cpp; each adds its dispatches to the current op.
+// Convolutions with fewer products (shaders/conv/winograd.glsl): 4x4 of stride 2 and padding 1 with
+// nine sixteenths of them or two fifths (the finer image is the windows' image, the coarser one its
+// maps), 4x4 of stride 1 with a fifth, 3x3 with a quarter. For nn/conv.cpp; each adds its dispatches
+// to the current op.
 #pragma once
 
 #include "nn/windows.h"
