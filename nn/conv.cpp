@@ -108,20 +108,9 @@ bool hasOneFeature(const Windows& w) {
            w.padding < w.kernelH && w.kernelH * w.kernelW * w.pixels() <= kColumnsElements;
 }
 
-// Windows of the turned kernel over the map: one per pixel of the image.
-Windows turnedWindows(const Windows& w) {
-    Windows t = w;
-    std::swap(t.channels, t.features);
-    std::swap(t.height, t.outHeight);
-    std::swap(t.width, t.outWidth);
-    std::swap(t.largestImage, t.largestMaps);
-    t.padding = w.kernelH - 1 - w.padding;
-    return t;
-}
-
 void oneFeatureMaps(Graph& graph, const Windows& w, const Tensor& image, const Tensor& weight,
                     const Tensor& bias, const Tensor& maps) {
-    Windows t = turnedWindows(w);
+    Windows t = w.turned();
     int64_t kernel = w.kernelH * w.kernelW;
     for (int64_t n = 0; n < w.images; ++n) {
         Tensor products = graph.temporary({kernel, w.pixels()});
@@ -156,7 +145,7 @@ void oneFeatureMaps(Graph& graph, const Windows& w, const Tensor& image, const T
 
 void oneFeatureImage(Graph& graph, const Windows& w, const Tensor& maps, const Tensor& weight,
                      const Tensor& bias, const Tensor& image) {
-    Windows t = turnedWindows(w);
+    Windows t = w.turned();
     for (int64_t n = 0; n < w.images; ++n) {
         Tensor columns = gatherColumns(graph, t, maps, n, 1, 0, t.windows(), true, true);
         gemm(graph, weight, columns, image,
@@ -173,7 +162,7 @@ void oneFeatureImage(Graph& graph, const Windows& w, const Tensor& maps, const T
 
 void oneFeatureWeights(Graph& graph, const Windows& w, const Tensor& image, const Tensor& maps,
                        const Tensor& dweight) {
-    Windows t = turnedWindows(w);
+    Windows t = w.turned();
     for (int64_t n = 0; n < w.images; ++n) {
         Tensor columns = gatherColumns(graph, t, maps, n, 1, 0, t.windows(), false, true);
         gemm(graph, image, columns, dweight,

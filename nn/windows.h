@@ -2,6 +2,8 @@
 // ways of computing them; not a part of nn's interface.
 #pragma once
 
+#include <utility>
+
 #include "nn/graph.h"
 
 namespace doppel {
@@ -20,6 +22,17 @@ struct Windows {
     double flops() const {
         return 2.0 * static_cast<double>(images * features) *
                static_cast<double>(rows() * windows());
+    }
+    // Where the stride is 1: those of the kernel, turned by half a turn, over the maps, one per
+    // pixel of the image.
+    Windows turned() const {
+        Windows t = *this;
+        std::swap(t.channels, t.features);
+        std::swap(t.height, t.outHeight);
+        std::swap(t.width, t.outWidth);
+        std::swap(t.largestImage, t.largestMaps);
+        t.padding = kernelH - 1 - padding;
+        return t;
     }
     Specialisation specialisation() const {
         return {{"kKernelH", static_cast<uint32_t>(kernelH)},

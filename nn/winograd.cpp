@@ -321,13 +321,7 @@ void winogradSum(Graph& graph, const Windows& w, const Tensor& maps, const Tenso
                  const Tensor& bias, const Tensor& image) {
     if (w.stride == 2) return convolve(graph, w, Side::Maps, maps, w, true, weight, bias, image);
     // A convolution of the maps, with the kernels turned.
-    Windows turned = w;
-    std::swap(turned.channels, turned.features);
-    std::swap(turned.height, turned.outHeight);
-    std::swap(turned.width, turned.outWidth);
-    std::swap(turned.largestImage, turned.largestMaps);
-    turned.padding = w.kernelW - 1 - w.padding;
-    convolve(graph, turned, Side::Image, maps, w, true, weight, bias, image);
+    convolve(graph, w.turned(), Side::Image, maps, w, true, weight, bias, image);
 }
 
 void winogradWeights(Graph& graph, const Windows& w, const Tensor& image, const Tensor& maps,

@@ -170,6 +170,72 @@ TEST(Conv, Winograd) {
     }
 }
 
+// Layers whose transformed weights are made in parts: their first and last features and channels
+// are those of small layers, which have one part and the reference above.
+TEST(Conv, WinogradInParts) {
+    struct Layer {
+        int64_t channels, features, image, maps;
+        int stride;
+    };
+    // A part of the elements along an axis of a tensor.
+    auto cut = [](const Value& v, size_t axis, int64_t first, int64_t count) {
+        Value part = v;
+        part.shape[axis] = count;
+        part.data.clear();
+        auto inner = int64_t{1};
+        for (size_t d = axis + 1; d < v.shape.size(); ++d) inner *= v.shape[d];
+        for (int64_t i = 0; i < int64_t(v.data.size()); ++i) {
+            int64_t at = i / inner % v.shape[axis];
+            if (at >= first && at < first + count) part.data.push_back(v.data[size_t(i)]);
+        }
+        return part;
+    };
+    for (const Layer& l :
+         {Layer{128, 256, 32, 16, 2}, {64, 192, 64, 32, 2}, {64, 384, 20, 19, 1}}) {
+        SCOPED_TRACE(fmt::format("{} to {} channels", l.channels, l.features));
+        Value image = random({1, l.channels, l.image, l.image}, 1);
+        Value maps = random({1, l.features, l.maps, l.maps}, 2);
+        Value weight = random({l.features, l.channels, 4, 4}, 3);
+        Value perFeature = random({l.features}, 4), perChannel = random({l.channels}, 5);
+        auto run = [&](const char* op, const Value& x, const Value& w, const Value& bias,
+                       const Value& dy) {
+            Npz in;
+            in.set("x", Array::f64(x.shape, x.data));
+            in.set("weight", Array::f64(w.shape, w.data));
+            in.set("bias", Array::f64(bias.shape, bias.data));
+            in.set("grad_y", Array::f64(dy.shape, dy.data));
+            in.set("attr_stride", Array::scalarF64(l.stride));
+            in.set("attr_padding", Array::scalarF64(1));
+            return Op::find(op)->run(testDevice(), in, {});
+        };
+        auto expectPart = [&](const Npz& whole, const char* name, size_t axis, int64_t first,
+                              const Npz& part) {
+            Value all{whole.at(name).shape, whole.at(name).toF64()};
+            EXPECT_LE(relativeError(cut(all, axis, first, 32).data, part.at(name).toF64(), 1e-12),
+                      1e-5)
+                << name << " from " << first;
+        };
+        Npz conv = run("conv2d", image, weight, perFeature, maps);
+        Npz transposed = run("conv_transpose2d", maps, weight, perChannel, image);
+        for (int64_t f : {int64_t{0}, l.features - 32}) {
+            Value some = cut(weight, 0, f, 32), given = cut(maps, 1, f, 32);
+            Npz part = run("conv2d", image, some, cut(perFeature, 0, f, 32), given);
+            expectPart(conv, "y", 1, f, part);
+            expectPart(conv, "grad_weight", 0, f, part);
+            part = run("conv_transpose2d", given, some, perChannel, image);
+            expectPart(transposed, "grad_x", 1, f, part);
+            expectPart(transposed, "grad_weight", 0, f, part);
+        }
+        for (int64_t c : {int64_t{0}, l.channels - 32}) {
+            Value some = cut(weight, 1, c, 32), given = cut(image, 1, c, 32);
+            Npz part = run("conv2d", given, some, perFeature, maps);
+            expectPart(conv, "grad_x", 1, c, part);
+            part = run("conv_transpose2d", maps, some, cut(perChannel, 0, c, 32), given);
+            expectPart(transposed, "y", 1, c, part);
+        }
+    }
+}
+
 // Halves take other points, or columns (kernels 3x3): all as good as products of halves are.
 TEST(Conv, WinogradWithMixedPrecision) {
     const Case cases[] = {{{1, 16, 64, 64}, {17, 16, 4, 4}, 2, 1},

@@ -34,7 +34,7 @@ struct MapsParams {
 // A convolution by tiles: 4x4 of stride 2 and padding 1 (conv/winograd.comp), or of stride 1
 // (conv/winograd_dense.comp).
 struct WinogradParams {
-    uint channels, height, width;  // of the image at hand
+    uint channels, height, width;     // of the image at hand
     uint firstChannel, partChannels;  // those that this dispatch makes
     uint tiles;                    // of one image in this piece
     uint firstTile;                // the piece's first, counted row by row; even for stride 2
