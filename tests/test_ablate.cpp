@@ -7,8 +7,8 @@
 
 #include "tests/files.h"
 #include "tests/op_test.h"
-#include "trainer/commands.h"
-#include "trainer/synthetic.h"
+#include "trainer/commands/commands.h"
+#include "trainer/data/synthetic.h"
 
 namespace doppel {
 namespace {

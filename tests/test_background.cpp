@@ -1,5 +1,5 @@
 // Background plates against a wall that is known.
-#include "trainer/background.h"
+#include "trainer/data/background.h"
 
 #include <gtest/gtest.h>
 

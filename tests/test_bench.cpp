@@ -9,7 +9,7 @@
 #include <sstream>
 #include <string>
 
-#include "nn/op.h"
+#include "nn/core/op.h"
 
 namespace doppel {
 namespace {
@@ -53,9 +53,8 @@ std::set<std::string> caseNames() {
 
 TEST(Bench, HasStepsInferenceAndCeilings) {
     std::set<std::string> names = caseNames();
-    for (const char* name :
-         {"mesh_step", "texture_step", "gan_step", "inference", "inference_refined", "ceiling_fma",
-          "ceiling_copy"})
+    for (const char* name : {"mesh_step", "texture_step", "gan_step", "inference",
+                             "inference_refined", "ceiling_fma", "ceiling_copy"})
         EXPECT_TRUE(names.contains(name)) << name;
 }
 

@@ -1,13 +1,13 @@
 // The body model: the default one, files in SMPL's own form, hostile files, the atlas.
-#include "nn/body.h"
+#include "nn/body/body.h"
 
 #include <cmath>
 #include <cstring>
 #include <map>
 #include <numeric>
 
-#include "nn/body_atlas.h"
-#include "nn/lbs.h"
+#include "nn/body/body_atlas.h"
+#include "nn/ops/body.h"
 #include "tests/op_test.h"
 
 namespace doppel {

@@ -5,14 +5,14 @@
 #include <map>
 
 #include "engine/error.h"
-#include "nn/body.h"
+#include "nn/body/body.h"
 #include "tests/files.h"
-#include "trainer/avatar.h"
-#include "trainer/bvh.h"
-#include "trainer/export.h"
-#include "trainer/joints.h"
-#include "trainer/motions.h"
-#include "trainer/rendering.h"
+#include "trainer/avatar/avatar.h"
+#include "trainer/avatar/export.h"
+#include "trainer/avatar/rendering.h"
+#include "trainer/data/session.h"
+#include "trainer/motion/bvh.h"
+#include "trainer/motion/joints.h"
 
 namespace doppel {
 namespace {

@@ -10,7 +10,7 @@
 #include "engine/io/image.h"
 #include "engine/npz.h"
 #include "tests/files.h"
-#include "trainer/capture.h"
+#include "trainer/data/capture.h"
 
 namespace doppel {
 namespace {

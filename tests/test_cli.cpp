@@ -11,8 +11,8 @@
 
 #include "engine/error.h"
 #include "tests/files.h"
-#include "trainer/cli.h"
-#include "trainer/progress.h"
+#include "trainer/commands/cli.h"
+#include "trainer/data/progress.h"
 
 namespace doppel {
 namespace {

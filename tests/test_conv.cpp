@@ -1,11 +1,11 @@
-#include "nn/conv.h"
+#include "nn/ops/conv/conv.h"
 
 #include <array>
 #include <cmath>
 #include <random>
 
 #include "common/divide.h"
-#include "nn/winograd.h"
+#include "nn/ops/conv/winograd.h"
 #include "tests/op_test.h"
 
 namespace doppel {

@@ -1,4 +1,4 @@
-#include "nn/elementwise.h"
+#include "nn/ops/elementwise.h"
 
 #include <cmath>
 

@@ -7,7 +7,7 @@
 
 #include "engine/cooperative_matrix.h"
 #include "engine/hazards.h"
-#include "nn/elementwise.h"
+#include "nn/ops/elementwise.h"
 #include "tests/op_test.h"
 
 namespace doppel {

@@ -1,14 +1,14 @@
 // The evaluation protocol on the synthetic actor, shown by herself: an avatar with the actor's own
 // body and texture, so that right figures are known.
-#include "trainer/evaluate.h"
+#include "trainer/eval/evaluate.h"
 
 #include <gtest/gtest.h>
 
 #include "engine/io/image.h"
 #include "tests/files.h"
 #include "tests/op_test.h"
-#include "trainer/commands.h"
-#include "trainer/synthetic.h"
+#include "trainer/commands/commands.h"
+#include "trainer/data/synthetic.h"
 
 namespace doppel {
 namespace {

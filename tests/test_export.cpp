@@ -1,5 +1,5 @@
 // Exported avatars, read back by another reader and skinned by hand: the same bodies as lbs gives.
-#include "trainer/export.h"
+#include "trainer/avatar/export.h"
 
 #define TINYGLTF_NO_INCLUDE_JSON
 #define TINYGLTF_NO_INCLUDE_STB_IMAGE
@@ -15,10 +15,10 @@
 #include "engine/error.h"
 #include "tests/files.h"
 #include "tests/op_test.h"
-#include "trainer/checkpoint.h"
-#include "trainer/commands.h"
-#include "trainer/motions.h"
-#include "trainer/networks.h"
+#include "trainer/avatar/checkpoint.h"
+#include "trainer/avatar/networks.h"
+#include "trainer/commands/commands.h"
+#include "trainer/data/session.h"
 
 namespace doppel {
 namespace {

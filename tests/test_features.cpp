@@ -1,5 +1,5 @@
 // Pooling, convolution in time and the distance of features against plain double-precision loops.
-#include "nn/features.h"
+#include "nn/ops/features.h"
 
 #include <cmath>
 

@@ -1,11 +1,11 @@
-#include "nn/gan.h"
+#include "nn/ops/gan.h"
 
 #include <cmath>
 
-#include "nn/discriminator.h"
-#include "nn/loss.h"
-#include "nn/raster.h"
-#include "nn/refine.h"
+#include "nn/nets/discriminator.h"
+#include "nn/ops/loss.h"
+#include "nn/ops/raster.h"
+#include "nn/steps/refine_step.h"
 #include "tests/op_test.h"
 
 namespace doppel {

@@ -9,10 +9,10 @@
 #include "engine/io/image.h"
 #include "engine/npz.h"
 #include "tests/files.h"
-#include "trainer/chroma_key.h"
-#include "trainer/import.h"
-#include "trainer/metrics.h"
-#include "trainer/overlay.h"
+#include "trainer/eval/metrics.h"
+#include "trainer/import/chroma_key.h"
+#include "trainer/import/import.h"
+#include "trainer/import/overlay.h"
 
 namespace doppel {
 namespace {

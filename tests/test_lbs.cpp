@@ -1,7 +1,7 @@
 // Skinning and rigid motion against plain double-precision functions; laws of posing.
 #include <cmath>
 
-#include "nn/lbs.h"
+#include "nn/ops/body.h"
 #include "tests/op_test.h"
 
 namespace doppel {

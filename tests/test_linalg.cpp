@@ -1,4 +1,4 @@
-#include "nn/linalg.h"
+#include "nn/ops/linalg.h"
 
 #include "tests/op_test.h"
 

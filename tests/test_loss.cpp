@@ -1,4 +1,4 @@
-#include "nn/loss.h"
+#include "nn/ops/loss.h"
 
 #include <algorithm>
 #include <cmath>

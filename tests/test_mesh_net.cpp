@@ -1,13 +1,13 @@
 // The mesh refinement network against the numbers of its authors' head in PyTorch, and its laws.
-#include "nn/linalg.h"
-#include "nn/mesh_net.h"
+#include "nn/nets/mesh_net.h"
+#include "nn/ops/linalg.h"
 
 #include <cmath>
 #include <map>
 #include <optional>
 #include <random>
 
-#include "nn/mesh_step.h"
+#include "nn/steps/mesh_step.h"
 #include "tests/op_test.h"
 
 namespace doppel {

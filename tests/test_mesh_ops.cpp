@@ -1,5 +1,5 @@
 // Topology of a mesh, and the ops that gather along it.
-#include "nn/mesh_ops.h"
+#include "nn/ops/mesh.h"
 
 #include <cmath>
 #include <map>

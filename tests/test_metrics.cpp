@@ -6,7 +6,7 @@
 #include <random>
 
 #include "engine/npz.h"
-#include "trainer/metrics.h"
+#include "trainer/eval/metrics.h"
 
 namespace doppel {
 namespace {

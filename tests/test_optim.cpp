@@ -1,8 +1,8 @@
-#include "nn/optim.h"
+#include "nn/ops/optim.h"
 
 #include <cmath>
 
-#include "nn/elementwise.h"
+#include "nn/ops/elementwise.h"
 #include "tests/op_test.h"
 
 namespace doppel {

@@ -8,8 +8,8 @@
 
 #include "tests/files.h"
 #include "tests/op_test.h"
-#include "trainer/fvd.h"
-#include "trainer/lpips.h"
+#include "trainer/eval/fvd.h"
+#include "trainer/eval/lpips.h"
 
 namespace doppel {
 namespace {

@@ -3,7 +3,7 @@
 #include <memory>
 #include <random>
 
-#include "nn/raster.h"
+#include "nn/ops/raster.h"
 #include "tests/op_test.h"
 
 namespace doppel {

@@ -7,13 +7,13 @@
 
 #include "tests/files.h"
 #include "tests/op_test.h"
-#include "trainer/bake.h"
-#include "trainer/commands.h"
-#include "trainer/evaluate.h"
-#include "trainer/rendering.h"
-#include "trainer/smooth.h"
-#include "trainer/synthetic.h"
-#include "trainer/train.h"
+#include "trainer/avatar/bake.h"
+#include "trainer/avatar/rendering.h"
+#include "trainer/commands/commands.h"
+#include "trainer/data/synthetic.h"
+#include "trainer/eval/evaluate.h"
+#include "trainer/motion/smooth.h"
+#include "trainer/stages/train.h"
 
 namespace doppel {
 namespace {

@@ -17,10 +17,10 @@
 #include "engine/npz.h"
 #include "tests/files.h"
 #include "tests/op_test.h"
-#include "trainer/avatar.h"
-#include "trainer/checkpoint.h"
-#include "trainer/motions.h"
-#include "trainer/networks.h"
+#include "trainer/avatar/avatar.h"
+#include "trainer/avatar/checkpoint.h"
+#include "trainer/avatar/networks.h"
+#include "trainer/data/session.h"
 
 namespace doppel {
 namespace {

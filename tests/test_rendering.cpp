@@ -1,5 +1,5 @@
 // Pictures of avatars: where cameras put them, on which background, into which files.
-#include "trainer/rendering.h"
+#include "trainer/avatar/rendering.h"
 
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -12,10 +12,10 @@
 #include "engine/io/video.h"
 #include "tests/files.h"
 #include "tests/op_test.h"
-#include "trainer/background.h"
-#include "trainer/commands.h"
-#include "trainer/motions.h"
-#include "trainer/progress.h"
+#include "trainer/commands/commands.h"
+#include "trainer/data/background.h"
+#include "trainer/data/progress.h"
+#include "trainer/data/session.h"
 
 namespace doppel {
 namespace {

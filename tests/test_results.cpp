@@ -1,6 +1,6 @@
 // Captures found in folders, figures grouped as the paper's tables group them, and the files that
 // hold them.
-#include "trainer/results.h"
+#include "trainer/eval/results.h"
 
 #include <gtest/gtest.h>
 

@@ -5,8 +5,8 @@
 #include <random>
 
 #include "tests/op_test.h"
-#include "trainer/avatar.h"
-#include "trainer/body_render.h"
+#include "trainer/avatar/avatar.h"
+#include "trainer/data/body_render.h"
 #include "viewer/ik.h"
 #include "viewer/skeleton.h"
 

@@ -1,6 +1,6 @@
 // The loop around training steps: one step stays under way, and nothing is kept of what is not
 // finite.
-#include "trainer/stage_loop.h"
+#include "trainer/stages/stage_loop.h"
 
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -55,18 +55,16 @@ std::vector<std::string> rows(const fs::path& out) {
 TEST(StageLoop, OneStepStaysUnderWay) {
     Notes notes(3);
     EXPECT_TRUE(notes.loop.run({}));
-    EXPECT_EQ(notes.lines,
-              (std::vector<std::string>{"submit 0", "submit 1", "report 0 1", "submit 2",
-                                        "report 1 1", "report 2 0"}));
+    EXPECT_EQ(notes.lines, (std::vector<std::string>{"submit 0", "submit 1", "report 0 1",
+                                                     "submit 2", "report 1 1", "report 2 0"}));
 }
 
 TEST(StageLoop, WaitsBeforeItKeepsAnything) {
     test::Folder folder;
     Notes notes(3);
     EXPECT_TRUE(notes.loop.run({.out = folder / "x", .checkpointSeconds = 1e-9}));
-    EXPECT_EQ(notes.lines,
-              (std::vector<std::string>{"submit 0", "report 0 0", "submit 1", "report 1 0",
-                                        "submit 2", "report 2 0"}));
+    EXPECT_EQ(notes.lines, (std::vector<std::string>{"submit 0", "report 0 0", "submit 1",
+                                                     "report 1 0", "submit 2", "report 2 0"}));
     EXPECT_EQ(rows(folder / "x"), (std::vector<std::string>{"step,loss", "0,0", "1,1", "2,2"}));
 }
 

@@ -1,4 +1,4 @@
-#include "nn/texture_layout.h"
+#include "nn/ops/texture.h"
 
 #include "tests/op_test.h"
 

@@ -1,8 +1,8 @@
-#include "nn/texture_unet.h"
+#include "nn/nets/texture_unet.h"
 
 #include <cmath>
 
-#include "nn/initialise.h"
+#include "nn/core/initialise.h"
 #include "tests/op_test.h"
 
 namespace doppel {

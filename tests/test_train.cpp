@@ -1,5 +1,5 @@
 // The whole job in small: a capture of the synthetic actor, fit, mesh, texture, an avatar on disk.
-#include "trainer/train.h"
+#include "trainer/stages/train.h"
 
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -9,10 +9,10 @@
 
 #include "tests/files.h"
 #include "tests/op_test.h"
-#include "trainer/checkpoint.h"
-#include "trainer/commands.h"
-#include "trainer/evaluate.h"
-#include "trainer/synthetic.h"
+#include "trainer/avatar/checkpoint.h"
+#include "trainer/commands/commands.h"
+#include "trainer/data/synthetic.h"
+#include "trainer/eval/evaluate.h"
 
 namespace doppel {
 namespace {

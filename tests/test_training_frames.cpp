@@ -1,12 +1,12 @@
 // The frames that training sees: the same pixels however they are kept, and drawn as foretold.
-#include "trainer/training_frames.h"
+#include "trainer/stages/training_frames.h"
 
 #include <gtest/gtest.h>
 
 #include "tests/files.h"
 #include "tests/op_test.h"
-#include "trainer/avatar.h"
-#include "trainer/synthetic.h"
+#include "trainer/avatar/avatar.h"
+#include "trainer/data/synthetic.h"
 
 namespace doppel {
 namespace {

@@ -1,9 +1,9 @@
 // The tuning cache, and products under other tiles than the table's.
-#include "nn/tuning.h"
+#include "nn/core/tuning.h"
 
 #include <fstream>
 
-#include "nn/linalg.h"
+#include "nn/ops/linalg.h"
 #include "tests/op_test.h"
 
 namespace doppel {

@@ -16,10 +16,10 @@
 #include "tests/files.h"
 #include "tests/op_test.h"
 #include "tests/screen.h"
-#include "trainer/background.h"
-#include "trainer/motions.h"
-#include "trainer/networks.h"
-#include "trainer/train.h"
+#include "trainer/avatar/networks.h"
+#include "trainer/data/background.h"
+#include "trainer/data/session.h"
+#include "trainer/stages/train.h"
 
 namespace doppel {
 namespace {

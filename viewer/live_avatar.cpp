@@ -1,7 +1,7 @@
 #include "viewer/live_avatar.h"
 
 #include "engine/error.h"
-#include "trainer/train.h"
+#include "trainer/stages/train.h"
 
 namespace doppel {
 namespace fs = std::filesystem;

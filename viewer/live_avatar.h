@@ -5,7 +5,7 @@
 #include <future>
 #include <memory>
 
-#include "trainer/avatar.h"
+#include "trainer/avatar/avatar.h"
 
 namespace doppel {
 

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "engine/device.h"
-#include "trainer/avatar.h"
+#include "trainer/avatar/avatar.h"
 
 namespace doppel {
 

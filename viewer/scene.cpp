@@ -4,10 +4,10 @@
 #include <cstring>
 #include <glm/gtc/quaternion.hpp>
 
-#include "nn/lbs.h"
-#include "trainer/checkpoint.h"
-#include "trainer/joints.h"
-#include "trainer/networks.h"
+#include "nn/ops/body.h"
+#include "trainer/avatar/checkpoint.h"
+#include "trainer/avatar/networks.h"
+#include "trainer/motion/joints.h"
 
 namespace doppel {
 

@@ -10,7 +10,7 @@
 #include <span>
 #include <vector>
 
-#include "trainer/avatar.h"
+#include "trainer/avatar/avatar.h"
 #include "view/params.h"
 
 namespace doppel {

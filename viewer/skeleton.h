@@ -1,7 +1,7 @@
 // The skeleton that is dragged: SMPL's joints in double precision, poses, and how far human joints
 // turn.
 //
-// Poses mean what nn/lbs.h makes of them: G_j = G_parent R(rotation_j), a joint stands at its
+// Poses mean what nn/ops/body.h makes of them: G_j = G_parent R(rotation_j), a joint stands at its
 // parent's place plus G_parent (rest_j − rest_parent), the pelvis at rest_0 + trans.
 #pragma once
 
@@ -10,9 +10,9 @@
 #include <glm/glm.hpp>
 #include <glm/gtc/quaternion.hpp>
 
-#include "nn/body.h"
-#include "trainer/capture.h"
-#include "trainer/joints.h"
+#include "nn/body/body.h"
+#include "trainer/data/capture.h"
+#include "trainer/motion/joints.h"
 
 namespace doppel {
 

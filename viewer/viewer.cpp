@@ -9,9 +9,9 @@
 
 #include "engine/atomic_file.h"
 #include "engine/error.h"
-#include "trainer/export.h"
-#include "trainer/picture_sequence.h"
-#include "trainer/rendering.h"
+#include "trainer/avatar/export.h"
+#include "trainer/avatar/rendering.h"
+#include "trainer/data/picture_sequence.h"
 
 namespace doppel {
 namespace fs = std::filesystem;

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "engine/io/image.h"
-#include "trainer/commands.h"
+#include "trainer/commands/commands.h"
 #include "viewer/ik.h"
 #include "viewer/live_avatar.h"
 #include "viewer/orbit_camera.h"

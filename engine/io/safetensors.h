@@ -17,8 +17,10 @@ struct Tensor32 {
     std::vector<float> values;   // C order
 };
 
+using WeightMap = std::map<std::string, Tensor32>;  // by parameter name
+
 struct Safetensors {
-    std::map<std::string, Tensor32> tensors;
+    WeightMap tensors;
     std::map<std::string, std::string> metadata;
     std::string file;  // for errors; readSafetensors fills it in
 

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "nn/body.h"
-#include "nn/graph.h"
+#include "nn/body/body.h"
+#include "nn/core/graph.h"
 
 namespace doppel::bench {
 

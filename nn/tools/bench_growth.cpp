@@ -1,5 +1,5 @@
 // How cost grows: with faces and pixels for the rasterizers, with vertices and batch for the steps.
-#include "nn/raster.h"
+#include "nn/ops/raster.h"
 #include "nn/tools/bench.h"
 
 namespace doppel::bench {

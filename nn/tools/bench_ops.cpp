@@ -4,9 +4,9 @@
 #include <numeric>
 #include <optional>
 
-#include "nn/mesh.h"
-#include "nn/op.h"
-#include "nn/optim.h"
+#include "nn/body/mesh_topology.h"
+#include "nn/core/op.h"
+#include "nn/ops/optim.h"
 #include "nn/tools/bench.h"
 
 namespace doppel::bench {

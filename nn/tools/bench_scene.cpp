@@ -3,9 +3,9 @@
 #include <map>
 #include <random>
 
-#include "nn/initialise.h"
-#include "nn/lbs.h"
-#include "nn/raster.h"
+#include "nn/core/initialise.h"
+#include "nn/ops/body.h"
+#include "nn/ops/raster.h"
 #include "nn/tools/bench.h"
 
 extern "C" {

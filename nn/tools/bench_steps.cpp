@@ -2,8 +2,8 @@
 // whole graph, as training replays it.
 #include <optional>
 
-#include "nn/inference.h"
-#include "nn/refine.h"
+#include "nn/steps/inference.h"
+#include "nn/steps/refine_step.h"
 #include "nn/tools/bench.h"
 
 namespace doppel::bench {

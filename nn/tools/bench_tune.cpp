@@ -1,9 +1,9 @@
 // Which tiles of products a device runs best.
 #include <cmath>
 
-#include "nn/linalg.h"
+#include "nn/core/tuning.h"
+#include "nn/ops/linalg.h"
 #include "nn/tools/bench.h"
-#include "nn/tuning.h"
 
 namespace doppel::bench {
 

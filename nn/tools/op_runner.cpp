@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "nn/op.h"
+#include "nn/core/op.h"
 
 namespace {
 

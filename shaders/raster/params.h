@@ -23,7 +23,7 @@ struct TexturedRenderParams {
     uint textureWidth, textureHeight;
     uint sumStride;  // elements of a plane of the fixed-point sums, a multiple of 4
 };
-// See SeenSpans in nn/raster.h.
+// See SeenSpans in nn/ops/raster.h.
 struct SeenSpansParams {
     uint width, height;  // of the picture, pixels
     Divisor byWidth;

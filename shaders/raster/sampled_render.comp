@@ -15,7 +15,7 @@ BUFFER(2, readonly, uint64_t, faces);     // [F,4] v0, v1, v2, unused
 BUFFER(3, readonly, uint64_t, uvs);       // [T,2] floats
 BUFFER(4, readonly, uint64_t, facesUv);   // [F,4] t0, t1, t2, unused
 BUFFER(5, readonly, float, tex);          // [Ht,Wt,3]
-BUFFER(6, readonly, uint, spans);         // [1+H W/kSpan] see SeenSpans in nn/raster.h
+BUFFER(6, readonly, uint, spans);         // [1+H W/kSpan] see SeenSpans in nn/ops/raster.h
 BUFFER(7, writeonly, float, image);       // [H,W,3] zeros before
 BUFFER(8, writeonly, float, coverage);    // [H,W] zeros before
 

@@ -13,7 +13,7 @@ layout(constant_id = 1) const uint paint = kPaintTexture;
 layout(constant_id = 2) const uint lit = 0;        // 0: as it is painted
 layout(constant_id = 3) const uint wireframe = 0;  // 1: the faces' edges on top
 layout(constant_id = 4) const uint samples = 1;    // of the nearest faces, per pixel and axis
-layout(constant_id = 5) const uint keys = 0;       // 1: of two numbers each, see nn/raster.h
+layout(constant_id = 5) const uint keys = 0;       // 1: of two numbers each, see nn/ops/raster.h
 PARAMS(ShadeParams, 12)
 BUFFER(0, readonly, uint, index);           // [H s,W s,1 + keys] NearestFaces::index
 BUFFER(1, readonly, uint64_t, screen);      // [V,4] floats from raster/project.comp
@@ -26,7 +26,7 @@ BUFFER(7, readonly, float, visibility);     // [S,S]
 BUFFER(8, readonly, ShadeState, state);     // [1]
 BUFFER(9, readonly, uint, background);      // [H,W] as the picture, which starts as its copy
 BUFFER(10, writeonly, uint, picture);       // [H,W]
-BUFFER(11, readonly, uint, spans);          // [1+H W/kSpan] see SeenSpans in nn/raster.h
+BUFFER(11, readonly, uint, spans);          // [1+H W/kSpan] see SeenSpans in nn/ops/raster.h
 
 ivec3 faceVertices(uint face) {
     uvec2 two = unpackUint2x32(faces.d[2 * face]);

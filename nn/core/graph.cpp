@@ -1,0 +1,527 @@
+#include "nn/core/graph.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "nn/ops/elementwise.h"
+
+namespace doppel {
+
+namespace {
+
+// A workgroup costs a CPU two microseconds before it does anything, so that large dispatches get
+// large ones there; every device has workgroups of so many. What a kernel computes does not depend
+// on it.
+constexpr uint32_t kLargeWorkgroup = 256;
+constexpr uint64_t kLargeDispatch = 64 * kLargeWorkgroup;  // with work left for many cores
+
+}  // namespace
+
+Graph::Graph(Device& device) : device_(device) {}
+
+Graph::~Graph() {
+    // Recorders wait for what is in flight before the buffers go.
+    for (auto& recorder : recorders_) recorder.reset();
+    preparation_.reset();
+}
+
+// ---- tensors ------------------------------------------------------------------------------------
+
+Tensor Graph::newStorage(Kind kind, Shape shape, ElementType type) {
+    CHECK(!compiled_, "a compiled graph takes no more tensors");
+    Tensor tensor{static_cast<int>(storages_.size()), 0, std::move(shape), type};
+    storages_.push_back({kind, tensor.bytes()});
+    return tensor;
+}
+
+Tensor Graph::input(Shape shape, ElementType type) {
+    Tensor tensor = newStorage(Kind::Input, std::move(shape), type);
+    inputs_.push_back(
+        {tensor.storage, 0, tensor.bytes(), std::vector<std::byte>(tensor.bytes()), 1, {0, 0}});
+    return tensor;
+}
+
+Tensor Graph::variable(Shape shape) {
+    Tensor tensor = input(std::move(shape));
+    storages_[size_t(tensor.storage)].differentiable = true;
+    return tensor;
+}
+
+Tensor Graph::newConstant(std::span<const std::byte> bytes, Shape shape, ElementType type) {
+    Tensor tensor = newStorage(Kind::Attached, std::move(shape), type);
+    CHECK(bytes.size() == tensor.bytes(), "{} bytes fill {}", bytes.size(), toString(tensor.shape));
+    buffers_.push_back(device_.allocate(tensor.bytes(), Memory::Device));
+    // buffers_ may move its elements, so views point at them only after compile(); remember which.
+    storages_.back().view = {nullptr, buffers_.size() - 1, tensor.bytes()};
+    device_.upload({&buffers_.back(), 0, buffers_.back().bytes()}, bytes);
+    return tensor;
+}
+
+Tensor Graph::constant(std::span<const float> values, Shape shape) {
+    return newConstant(std::as_bytes(values), std::move(shape), ElementType::F32);
+}
+Tensor Graph::constant(std::span<const int32_t> values, Shape shape) {
+    return newConstant(std::as_bytes(values), std::move(shape), ElementType::I32);
+}
+
+Tensor Graph::attach(const BufferView& view, Shape shape, ElementType type) {
+    Tensor tensor = newStorage(Kind::Attached, std::move(shape), type);
+    CHECK(view.bytes >= tensor.bytes(), "{} fits into {} bytes", toString(tensor.shape),
+          view.bytes);
+    storages_.back().view = {view.buffer, view.offset, tensor.bytes()};
+    return tensor;
+}
+
+Tensor Graph::parameter(const Parameters& parameters, std::string_view name) {
+    const Parameters::Entry* entry = parameters.find(name);
+    CHECK(entry, "there is a parameter {}", name);
+    Tensor value = attach(parameters.view(*entry, Parameters::kValues), entry->shape);
+    storages_.back().differentiable = true;
+    fixedGradients_[{value.storage, 0}] =
+        attach(parameters.view(*entry, Parameters::kGradient), entry->shape);
+    return value;
+}
+
+Tensor Graph::temporary(Shape shape, ElementType type) {
+    return newStorage(Kind::Temporary, std::move(shape), type);
+}
+
+Tensor Graph::none() {
+    if (!none_) none_ = constant(std::span<const float>(std::vector<float>(4)), {4});
+    return none_;
+}
+
+Tensor Graph::step() {
+    if (!step_) step_ = input({sizeof(StepParams) / 4}, ElementType::I32);
+    return step_;
+}
+
+void Graph::setStep(const StepParams& params) {
+    writeBytes(step(), std::as_bytes(std::span(&params, 1)));
+}
+
+void Graph::output(const Tensor& tensor) {
+    CHECK(!compiled_, "outputs are named before compile()");
+    outputs_.push_back({tensor, 0});
+}
+
+// ---- ops ----------------------------------------------------------------------------------------
+
+void Graph::beginOp(std::string name, double flops) { ops_.push_back({std::move(name), flops}); }
+
+void Graph::use(const Tensor& tensor) {
+    CHECK(tensor, "every buffer of op {} is a tensor", ops_.empty() ? "?" : ops_.back().name);
+    Storage& storage = storages_[size_t(tensor.storage)];
+    int now = static_cast<int>(steps_.size());
+    if (storage.firstUse < 0) storage.firstUse = now;
+    storage.lastUse = now;
+}
+
+void Graph::addDispatch(const char* kernel, std::initializer_list<Argument> arguments,
+                        std::span<const std::byte> params, Groups groups, uint64_t invocations,
+                        const Specialisation& spec) {
+    CHECK(!ops_.empty(), "beginOp() comes before the first dispatch");
+    Step step{Step::What::Dispatch,
+              ops_.size() - 1,
+              kernel,
+              spec,
+              {},
+              std::vector<std::byte>(params.begin(), params.end()),
+              groups,
+              invocations,
+              0,
+              {}};
+    for (const Argument& argument : arguments) {
+        use(argument.tensor);
+        step.arguments.emplace_back(argument.name, argument.tensor);
+    }
+    steps_.push_back(std::move(step));
+}
+
+void Graph::fill(const Tensor& tensor, uint32_t word) {
+    use(tensor);
+    steps_.push_back(
+        {Step::What::Fill, ops_.size() - 1, {}, {}, {{"", tensor}}, {}, {}, 0, word, {}});
+}
+
+void Graph::copy(const Tensor& source, const Tensor& target) {
+    use(source);
+    use(target);
+    steps_.push_back({Step::What::Copy,
+                      ops_.size() - 1,
+                      {},
+                      {},
+                      {{"", source}, {"", target}},
+                      {},
+                      {},
+                      0,
+                      0,
+                      {}});
+}
+
+// ---- what replays leave to the next -------------------------------------------------------------
+
+void Graph::keep(const Tensor& tensor) {
+    CHECK(!compiled_, "what is kept is named before compile()");
+    storages_[size_t(tensor.storage)].kept = true;
+}
+
+void Graph::endPreparation() {
+    CHECK(!compiled_ && preparationEnd_ == 0, "a graph has one preparation");
+    preparationEnd_ = steps_.size();
+}
+
+void Graph::prepare() {
+    CHECK(compiled_ && preparation_, "this graph has a preparation");
+    for (auto& recorder : recorders_) recorder->wait();
+    stageInputs(0);
+    preparation_->submit();
+    preparation_->wait();
+    prepared_ = true;
+}
+
+// ---- reverse mode -------------------------------------------------------------------------------
+
+void Graph::differentiate(std::vector<Tensor> inputs, std::vector<Tensor> outputs,
+                          std::function<void()> backward) {
+    bool any = std::ranges::any_of(inputs, [&](const Tensor& t) { return t && wantsGradient(t); });
+    if (!any) return;
+    for (const Tensor& output : outputs) storages_[size_t(output.storage)].differentiable = true;
+    // Where an op counts its products, their two factors come first, and the gradient of each takes
+    // as many again; backward() has begun the op when this runs.
+    if (double flops = ops_.back().flops; flops > 0) {
+        auto factors = std::ranges::count_if(
+            inputs.begin(), inputs.begin() + std::min<std::ptrdiff_t>(2, std::ssize(inputs)),
+            [&](const Tensor& t) { return wantsGradient(t); });
+        backward = [this, total = static_cast<double>(factors) * flops,
+                    inner = std::move(backward)] {
+            ops_.back().flops = total;
+            inner();
+        };
+    }
+    differentiables_.push_back(
+        {ops_.back().name, std::move(inputs), std::move(outputs), std::move(backward)});
+}
+
+void Graph::watch(const Tensor& tensor) { storages_[size_t(tensor.storage)].differentiable = true; }
+
+bool Graph::wantsGradient(const Tensor& tensor) const {
+    return tensor && storages_[size_t(tensor.storage)].differentiable;
+}
+
+bool Graph::hasGradient(const Tensor& tensor) const {
+    return gradients_.contains({tensor.storage, tensor.offset});
+}
+
+Tensor Graph::gradient(const Tensor& output) {
+    auto found = gradients_.find({output.storage, output.offset});
+    if (found != gradients_.end()) return found->second.reshaped(output.shape);
+    Tensor zeros = temporary(output.shape);
+    fill(zeros, 0);
+    gradients_[{output.storage, output.offset}] = zeros;
+    return zeros;
+}
+
+Tensor Graph::gradientTarget(const Tensor& input) {
+    CHECK(wantsGradient(input), "a gradient is asked for where one is wanted");
+    GradientKey key{input.storage, input.offset};
+    auto present = gradients_.find(key);
+    if (present != gradients_.end()) {
+        Tensor more = temporary(input.shape);
+        pendingSums_.emplace_back(present->second.reshaped(input.shape), more);
+        return more;
+    }
+    auto fixed = fixedGradients_.find(key);
+    Tensor target = fixed != fixedGradients_.end() ? fixed->second.reshaped(input.shape)
+                                                   : temporary(input.shape);
+    gradients_[key] = target;
+    return target;
+}
+
+void Graph::accumulateGradients() {
+    for (auto& [total, more] : pendingSums_) addInto(*this, total, more);
+    pendingSums_.clear();
+}
+
+void Graph::backward(const Tensor& loss) {
+    CHECK(loss.elements() == 1, "the loss is one number");
+    std::vector<float> one{1.0f};
+    backward({{loss, constant(std::span<const float>(one), loss.shape)}});
+}
+
+void Graph::backward(const std::vector<std::pair<Tensor, Tensor>>& upstream) {
+    for (const auto& [output, gradient] : upstream) {
+        CHECK(output.shape == gradient.shape, "dy has the shape of y");
+        gradients_[{output.storage, output.offset}] = gradient;
+    }
+    // Ops were added in an order in which inputs come first, so the reverse order is right.
+    std::vector<Differentiable> reversed = std::move(differentiables_);
+    differentiables_.clear();
+    for (auto op = reversed.rbegin(); op != reversed.rend(); ++op) {
+        if (std::ranges::none_of(op->outputs, [&](const Tensor& t) { return hasGradient(t); })) {
+            differentiables_.push_back(std::move(*op));  // for a later backward()
+            continue;
+        }
+        beginOp(op->opName + ".backward", 0);
+        op->backward();
+        accumulateGradients();
+    }
+    std::ranges::reverse(differentiables_);
+}
+
+// ---- memory -------------------------------------------------------------------------------------
+
+void Graph::planMemory(const CompileOptions& options) {
+    for (const HostOutput& output : outputs_) {
+        Storage& storage = storages_[size_t(output.tensor.storage)];
+        if (storage.firstUse < 0) storage.firstUse = 0;
+        storage.lastUse = static_cast<int>(steps_.size());
+    }
+    for (Storage& storage : storages_) {
+        auto ofPreparation = [&](int use) { return static_cast<size_t>(use) < preparationEnd_; };
+        if (storage.firstUse < 0) continue;
+        storage.kept |= ofPreparation(storage.firstUse) && !ofPreparation(storage.lastUse);
+        if (!storage.kept) continue;
+        storage.firstUse = 0;
+        storage.lastUse = static_cast<int>(steps_.size());
+    }
+    std::vector<size_t> order;
+    for (size_t i = 0; i < storages_.size(); ++i)
+        if (storages_[i].kind == Kind::Temporary && storages_[i].firstUse >= 0) order.push_back(i);
+    // Largest first, each at the lowest place that is free while it lives: within a few per cent
+    // of the best for networks, and simple.
+    std::ranges::stable_sort(
+        order, [&](size_t a, size_t b) { return storages_[a].bytes > storages_[b].bytes; });
+
+    struct Place {
+        size_t storage;
+        uint64_t begin, end;
+    };
+    struct Block {
+        std::vector<Place> places;  // by begin
+        uint64_t bytes = 0;
+    };
+    uint64_t limit = device_.info().maxAllocationBytes;
+    if (device_.binding() == Binding::Descriptors)
+        limit = std::min<uint64_t>(limit, uint64_t{1} << 31);
+    std::vector<Block> blocks;
+    std::vector<std::pair<size_t, uint64_t>> assigned(storages_.size());
+    unsharedBytes_ = 0;
+    for (size_t index : order) {
+        const Storage& storage = storages_[index];
+        uint64_t size = alignUp(std::max<uint64_t>(storage.bytes, 16), kBufferAlignment);
+        if (size > limit)
+            throwMachine("a tensor of {} bytes is more than {} allocates at once ({})", size,
+                         device_.info().name, limit);
+        unsharedBytes_ += size;
+        for (size_t b = 0;; ++b) {
+            if (b == blocks.size()) blocks.emplace_back();
+            Block& block = blocks[b];
+            uint64_t at = 0;
+            for (const Place& place : block.places) {
+                const Storage& other = storages_[place.storage];
+                bool together = !options.reuseMemory || (other.firstUse <= storage.lastUse &&
+                                                         storage.firstUse <= other.lastUse);
+                if (!together) continue;
+                if (at + size <= place.begin) break;
+                at = std::max(at, place.end);
+            }
+            if (at + size > limit) continue;
+            auto position = std::ranges::upper_bound(block.places, at, {}, &Place::begin);
+            block.places.insert(position, {index, at, at + size});
+            block.bytes = std::max(block.bytes, at + size);
+            assigned[index] = {b, at};
+            break;
+        }
+    }
+    plannedBytes_ = 0;
+    for (const Block& block : blocks) plannedBytes_ += block.bytes;
+    if (options.memoryBudget > 0 && plannedBytes_ > options.memoryBudget)
+        throwInput(
+            "this needs {} MiB for activations, the memory budget is {} MiB; use a smaller "
+            "preset or raise --memory",
+            plannedBytes_ >> 20, options.memoryBudget >> 20);
+
+    size_t firstBlock = buffers_.size();
+    for (const Block& block : blocks)
+        buffers_.push_back(device_.allocate(block.bytes, Memory::Device));
+    std::vector<std::pair<size_t, size_t>> inputBuffers;
+    for (const HostInput& input : inputs_) {
+        inputBuffers.emplace_back(size_t(input.storage), buffers_.size());
+        buffers_.push_back(device_.allocate(input.bytes, Memory::Device));
+    }
+    // buffers_ moves no more.
+    for (size_t index : order)
+        storages_[index].view = {&buffers_[firstBlock + assigned[index].first],
+                                 assigned[index].second, storages_[index].bytes};
+    for (auto [storage, buffer] : inputBuffers)
+        storages_[storage].view = {&buffers_[buffer], 0, storages_[storage].bytes};
+    for (Storage& storage : storages_)
+        if (storage.kind == Kind::Attached && !storage.view.buffer)
+            storage.view = {&buffers_[storage.view.offset], 0, storage.bytes};
+}
+
+BufferView Graph::viewOf(const Tensor& tensor) const {
+    const BufferView& whole = storages_[size_t(tensor.storage)].view;
+    CHECK(whole.buffer && tensor.offset + tensor.bytes() <= whole.bytes,
+          "a tensor {} lies within its storage", toString(tensor.shape));
+    return {whole.buffer, whole.offset + tensor.offset, tensor.bytes()};
+}
+
+// ---- recording and running ----------------------------------------------------------------------
+
+void Graph::compile(const CompileOptions& options) {
+    CHECK(!compiled_, "a graph is compiled once");
+    planMemory(options);
+    uint64_t uploadBytes = 0, readbackBytes = 0;
+    for (HostInput& input : inputs_) {
+        input.stagingOffset = uploadBytes;
+        uploadBytes += alignUp(input.bytes, kBufferAlignment);
+    }
+    for (HostOutput& output : outputs_) {
+        output.stagingOffset = readbackBytes;
+        readbackBytes += alignUp(output.tensor.bytes(), kBufferAlignment);
+    }
+    for (int slot = 0; slot < 2; ++slot) {
+        upload_[slot] = device_.allocate(uploadBytes, Memory::Upload);
+        readback_[slot] = device_.allocate(readbackBytes, Memory::Readback);
+        recorders_[slot] = recorded(slot, preparationEnd_, steps_.size(), options);
+    }
+    if (preparationEnd_ > 0) preparation_ = recorded(0, 0, preparationEnd_, options);
+    compiled_ = true;
+}
+
+// A recording of the steps [begin, end).
+std::unique_ptr<Recorder> Graph::recorded(int slot, size_t begin, size_t end,
+                                          const CompileOptions& options) {
+    auto recording = std::make_unique<Recorder>(device_);
+    Recorder& recorder = *recording;
+    const bool preparing = end == preparationEnd_;
+    for (const HostInput& input : inputs_)
+        if (input.bytes > 0)
+            recorder.copy({&upload_[slot], input.stagingOffset, input.bytes},
+                          storages_[size_t(input.storage)].view);
+    if (options.poison)
+        for (const Storage& storage : storages_)
+            if (storage.kind == Kind::Temporary && storage.view.buffer && storage.bytes > 0 &&
+                (preparing || !storage.kept))
+                recorder.fill(storage.view, 0xffffffffu);
+    if (options.timestamps) recorder.timestamp();
+    for (size_t i = begin; i < end; ++i) {
+        const Step& step = steps_[i];
+        switch (step.what) {
+            case Step::What::Fill:
+                if (step.arguments[0].second.bytes() > 0)
+                    recorder.fill(viewOf(step.arguments[0].second), step.word);
+                break;
+            case Step::What::Copy:
+                if (step.arguments[0].second.bytes() > 0)
+                    recorder.copy(viewOf(step.arguments[0].second),
+                                  viewOf(step.arguments[1].second));
+                break;
+            case Step::What::Dispatch: {
+                Specialisation spec = step.spec;
+                Groups groups = step.groups;
+                if (groups.x == 0 && step.invocations >= kLargeDispatch && device_.info().cpu)
+                    spec.try_emplace("local_size", kLargeWorkgroup);
+                const Kernel& kernel = device_.kernel(step.kernel, spec);
+                if (groups.x == 0) groups = linearGroups(step.invocations, kernel.localSize());
+                std::vector<BoundBuffer> buffers;
+                for (const auto& [name, tensor] : step.arguments)
+                    buffers.push_back({name, viewOf(tensor)});
+                if (step.indirect)
+                    recorder.dispatchIndirect(kernel, buffers, step.params, viewOf(step.indirect));
+                else
+                    recorder.dispatch(kernel, buffers, step.params, groups);
+                break;
+            }
+        }
+        bool lastOfOp = i + 1 == end || steps_[i + 1].op != step.op;
+        if (options.timestamps && lastOfOp) recorder.timestamp();
+    }
+    for (const HostOutput& output : outputs_)
+        if (output.tensor.bytes() > 0 && !preparing)
+            recorder.copy(viewOf(output.tensor),
+                          {&readback_[slot], output.stagingOffset, output.tensor.bytes()});
+    recorder.finish();
+    return recording;
+}
+
+void Graph::writeBytes(const Tensor& tensor, std::span<const std::byte> bytes) {
+    auto input = std::ranges::find(inputs_, tensor.storage, &HostInput::storage);
+    CHECK(input != inputs_.end(), "only inputs are written");
+    CHECK(bytes.size() == tensor.bytes(), "{} bytes fill an input of shape {}", bytes.size(),
+          toString(tensor.shape));
+    // The same as before, a texture of all frames for instance, is not uploaded again.
+    std::byte* value = input->value.data() + tensor.offset;
+    if (bytes.empty() || std::memcmp(value, bytes.data(), bytes.size()) == 0) return;
+    std::ranges::copy(bytes, value);
+    ++input->version;
+}
+
+void Graph::submit() {
+    CHECK(compiled_, "a graph is compiled before it runs");
+    CHECK(!preparation_ || prepared_, "a graph with a preparation is prepared before it runs");
+    Recorder& recorder = *recorders_[slot_];
+    recorder.wait();  // this slot's replay before last still reads its staging memory
+    stageInputs(slot_);
+    recorder.submit();
+    slot_ ^= 1;
+    ++replays_;
+}
+
+void Graph::stageInputs(int slot) {
+    for (HostInput& input : inputs_) {
+        if (input.slotVersion[slot] == input.version) continue;
+        std::ranges::copy(input.value, upload_[slot].mapped() + input.stagingOffset);
+        input.slotVersion[slot] = input.version;
+    }
+}
+
+int Graph::slotOf(int back) const {
+    CHECK(back >= 0 && back < 2 && back < replays_,
+          "of the {} replays so far, the newest or the one before is waited for, not {} back",
+          replays_, back);
+    return slot_ ^ 1 ^ back;
+}
+
+void Graph::wait(int back) { recorders_[slotOf(back)]->wait(); }
+
+void Graph::readBytes(const Tensor& tensor, std::span<std::byte> bytes, int back) {
+    wait(back);
+    auto output = std::ranges::find_if(outputs_, [&](const HostOutput& o) {
+        return o.tensor.storage == tensor.storage && o.tensor.offset == tensor.offset;
+    });
+    CHECK(output != outputs_.end(), "only outputs are read");
+    const std::byte* source = readback_[slotOf(back)].mapped() + output->stagingOffset;
+    std::copy(source, source + bytes.size(), bytes.begin());
+}
+
+std::vector<OpProfile> Graph::profile() {
+    std::vector<double> times = recorders_[slot_ ^ 1]->timestamps();
+    std::vector<OpProfile> profiles;
+    size_t stamp = 0;
+    for (size_t i = preparationEnd_; i < steps_.size(); ++i) {
+        const Step& step = steps_[i];
+        if (i == preparationEnd_ || steps_[i - 1].op != step.op)
+            profiles.push_back({ops_[step.op].name, 0, ops_[step.op].flops, 0});
+        for (const auto& [name, tensor] : step.arguments) profiles.back().bytes += tensor.bytes();
+        bool lastOfOp = i + 1 == steps_.size() || steps_[i + 1].op != step.op;
+        if (lastOfOp && stamp + 1 < times.size()) {
+            profiles.back().milliseconds = (times[stamp + 1] - times[stamp]) * 1e-6;
+            ++stamp;
+        }
+    }
+    return profiles;
+}
+
+std::string Graph::print() {
+    std::string text = fmt::format("{:<40} {:>10} {:>10} {:>10}\n", "op", "MiB", "MFLOP", "ms");
+    for (const OpProfile& op : profile())
+        text += fmt::format("{:<40} {:>10.2f} {:>10.2f} {:>10.3f}\n", op.name,
+                            static_cast<double>(op.bytes) / (1 << 20), op.flops * 1e-6,
+                            op.milliseconds);
+    return text;
+}
+
+}  // namespace doppel

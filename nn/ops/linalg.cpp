@@ -1,0 +1,573 @@
+#include "nn/ops/linalg.h"
+
+#include <algorithm>
+
+#include "linalg/params.h"
+#include "nn/core/op.h"
+#include "nn/core/tuning.h"
+
+namespace doppel {
+
+namespace {
+
+uint32_t u32(int64_t value) {
+    CHECK(value >= 0 && value < (int64_t{1} << 32), "{} fits into 32 bits", value);
+    return static_cast<uint32_t>(value);
+}
+
+int64_t ceilDiv(int64_t a, int64_t b) { return (a + b - 1) / b; }
+
+// Panels of halves have a multiple of so many steps of k, and are zero behind k: a side of any
+// device's matrices, and of gemm.glsl's loop.
+constexpr int64_t kHalfSteps = std::max<int64_t>(kMatrixTile, kGemmUnroll);
+int64_t halfPanelSteps(int64_t k) { return ceilDiv(k, kHalfSteps) * kHalfSteps; }
+
+bool divisible(int64_t by, std::initializer_list<int64_t> values) {
+    return std::ranges::all_of(values, [by](int64_t v) { return v % by == 0; });
+}
+
+// How a product is spread over workgroups.
+struct Plan {
+    uint32_t lanes = 32, rows = 8, pairs = 2;
+    bool onCpu = false;
+    bool panelsA = false, panelsB = false;  // packed first
+    std::optional<MatrixShape> matrices;    // on matrix units
+    bool halves = false;                    // panels are of halves
+    int64_t parts = 1, kPart = 0;
+
+    int64_t columns() const {
+        return matrices ? kMatrixFragments * matrices->n : int64_t{2} * pairs * lanes;
+    }
+};
+
+bool runsOnCpu(const Device& device) {
+    // One subgroup per workgroup, which divides the texels of A in a body of the loop. Descriptors
+    // are for tests: the plain kernel is tested there.
+    return loadsTexels(device) && 16 % std::max(1u, device.info().subgroupSize) == 0;
+}
+
+// Each tile of rows reads a tile of columns' part of B again, which a CPU should find in its cache
+// then. A part is a pass over C, so that many parts pay only where C is small beside B.
+int64_t partsForCache(const Gemm& g, const Plan& p) {
+    constexpr int64_t kCached = 128 << 10;  // numbers
+    if (g.m < 4 * p.rows) return 1;
+    int64_t wanted = ceilDiv(g.k * std::min(g.n, p.columns()), kCached);
+    return std::max<int64_t>(1, std::min(g.k / (4 * g.m), wanted));
+}
+
+Plan plan(const Device& device, const Gemm& g) {
+    const GemmTuning& tuning = gemmTuning(device);
+    Plan p;
+    p.matrices = device.matrixUnits();
+    p.halves = device.precision() == Precision::Mixed;
+    p.onCpu = runsOnCpu(device) && !p.matrices;
+    p.rows = u32(gemmPanelRows(device, g.m));
+    if (!p.onCpu) p.pairs = tuning.pairs;
+    if (p.onCpu) {
+        p.lanes = device.info().subgroupSize;
+        // Packing is a pass over memory, a product a quarter of a cycle per element of A and
+        // column. Rows that do not start at texels gain more.
+        auto worth = [](int64_t uses, int64_t ld) { return uses >= (ld % 4 == 0 ? 512 : 64); };
+        p.panelsA = !g.panelsA && worth(g.n, g.lda);
+        p.panelsB = !g.panelsB && worth(g.m, g.ldb);
+    }
+    if (p.halves) p.panelsA = p.panelsB = true;
+    if (p.matrices)
+        p.lanes = device.info().subgroupSize;
+    else if (g.panelsB)
+        p.pairs = u32(gemmPanelWidth(device, g.n) / 2 / p.lanes);
+    else if (g.n <= 2 * p.lanes)
+        p.pairs = 1;
+    // Long sums with few results are cut into parts, so that there is work for all cores.
+    int64_t tiles = ceilDiv(g.m, p.rows) * ceilDiv(g.n, p.columns()) * g.batch;
+    p.parts =
+        std::max<int64_t>(1, std::min(ceilDiv(tuning.tiles, tiles), g.k / tuning.shortestPart));
+    if (p.onCpu) p.parts = std::max(p.parts, partsForCache(g, p));
+    int64_t kPart = ceilDiv(g.k, p.parts);
+    p.kPart = p.halves ? std::max(kHalfSteps, halfPanelSteps(kPart))
+                       : std::max<int64_t>(kGemmUnroll, gemmPanelSteps(kPart));
+    p.parts = std::max<int64_t>(1, ceilDiv(g.k, p.kPart));
+    return p;
+}
+
+// A matrix [batch, count, steps] by its strides as panels of width items.
+struct Source {
+    Tensor tensor;
+    int64_t start, batch, strideMatrix, count, strideItem, strideStep;
+    int64_t stridePanel = 0;  // 0: width items
+};
+// halves: rounded, two to an element, and, with largest, scaled. interleaved: kGemmInterleaved.
+Tensor pack(Graph& graph, const Source& s, int64_t steps, int64_t stepsInPanel, uint32_t width,
+            bool halves = false, const Tensor& largest = {}, bool interleaved = false) {
+    int64_t panels = ceilDiv(s.count, width);
+    Tensor packed = graph.temporary({s.batch, panels, stepsInPanel, halves ? width / 2 : width});
+    PanelsParams params{.count = u32(s.count),
+                        .steps = u32(steps),
+                        .stepsInPanel = u32(stepsInPanel),
+                        .start = u32(s.start),
+                        .strideMatrix = u32(s.strideMatrix),
+                        .strideItem = u32(s.strideItem),
+                        .strideStep = u32(s.strideStep),
+                        .stridePanel = u32(s.stridePanel ? s.stridePanel : width * s.strideItem),
+                        .panels = u32(panels)};
+    uint32_t pairs = 0;
+    if (s.strideItem == 1 && divisible(2, {s.start, s.strideMatrix, s.strideStep, s.count}))
+        pairs = 1;
+    if (s.strideStep == 1 && divisible(2, {s.start, s.strideMatrix, s.strideItem, steps}))
+        pairs = 2;
+    int64_t invocations = ceilDiv(stepsInPanel, 4) * (width / 2);
+    graph.dispatchGroups("linalg/panels.pack",
+                         {{"matrix", s.tensor},
+                          {"pairs", s.tensor},
+                          {"packed", packed},
+                          {"halves", packed},
+                          {"largest", largest ? largest : graph.none()}},
+                         params, {u32(ceilDiv(invocations, 64)), u32(panels), u32(s.batch)},
+                         {{"kWidth", width},
+                          {"kPairs", pairs},
+                          {"kHalves", halves},
+                          {"kScaled", bool(largest)},
+                          {"kInterleaved", interleaved}});
+    return packed;
+}
+
+GemmParams gemmParams(const Gemm& g) {
+    return {.m = u32(g.m),
+            .n = u32(g.n),
+            .k = u32(g.k),
+            .lda = u32(g.lda),
+            .ldb = u32(g.ldb),
+            .ldc = u32(g.ldc),
+            .startA = u32(g.startA),
+            .startB = u32(g.startB),
+            .startC = u32(g.startC),
+            .strideA = u32(g.strideA),
+            .strideB = u32(g.strideB),
+            .strideC = u32(g.strideC),
+            .batch = u32(g.batch)};
+}
+
+// Of the kernels: none, one per column, one per row.
+uint32_t biasKind(const Gemm& g) { return !g.bias ? 0 : g.biasPerRow ? 2 : 1; }
+
+constexpr int64_t kNarrow = 4;  // columns at most, see gemm_narrow.comp
+
+// Whether the product is one of gemm_narrow.comp's.
+bool isNarrow(const Gemm& g, const Plan& p) {
+    bool shape = p.onCpu && !p.halves && g.n <= kNarrow && g.batch == 1 && !g.panelsA &&
+                 !g.panelsB && !g.relu && !g.accumulate &&
+                 divisible(4, {g.lda, g.startA, g.ldb, g.startB});
+    if (g.transA) return shape && !g.transB && !g.bias && g.m >= 64 && g.m % 4 == 0;
+    return shape && g.m >= 256 && g.k >= 4 && g.k % 4 == 0;
+}
+
+void narrowRows(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const Gemm& g,
+                const Plan& p) {
+    dispatchRows(graph, "linalg/gemm_narrow.rows", g.rows,
+                 {{"a", a},
+                  {"b", b},
+                  {"c", c},
+                  {"bias", g.bias ? g.bias : graph.none()},
+                  {"listed", g.rows.list(graph)}},
+                 gemmParams(g), static_cast<uint64_t>(g.m), kRowsListed,
+                 {{"kLanes", p.lanes},
+                  {"kColumns", u32(g.n)},
+                  {"kBias", biasKind(g)},
+                  {"kTransB", g.transB}});
+}
+
+// How many of the last columns are better off in a product of their own, for lanes that run one
+// after the other, as a CPU's, also pay for columns behind the last.
+int64_t columnsApart(const Gemm& g, const Plan& p) {
+    if (!p.onCpu || g.panelsB || (g.bias && !g.biasPerRow)) return 0;
+    int64_t few = g.n % (2 * p.lanes);
+    Gemm last = g;
+    last.n = few;
+    last.startB += (g.n - few) * (g.transB ? g.ldb : 1);
+    if (few > 0 && few < g.n && isNarrow(last, p)) return few;
+    // Half of a tile, or less.
+    int64_t rest = g.n % p.columns();
+    return g.n > p.columns() && rest <= p.columns() / 2 ? rest : 0;
+}
+
+}  // namespace
+
+bool loadsTexels(const Device& device) {
+    return device.info().texels && device.info().int64 && device.binding() == Binding::Addresses;
+}
+
+uint32_t vectorLanes(const Device& device) {
+    return runsOnCpu(device) ? device.info().subgroupSize : 0;
+}
+
+int64_t gemmPanelSteps(int64_t k) { return ceilDiv(k, kGemmUnroll) * kGemmUnroll; }
+
+int64_t gemmPanelRows(const Device& device, int64_t m) {
+    if (auto matrices = device.matrixUnits()) return kMatrixFragments * matrices->m;
+    const GemmTuning& tuning = gemmTuning(device);
+    if (!runsOnCpu(device)) return tuning.rows;
+    // A tile may reach over the last row.
+    const std::pair<int64_t, double> rowCosts[] = {
+        {32, 1.0}, {16, tuning.cost16}, {8, tuning.cost8}};
+    double best = 0;
+    int64_t chosen = 0;
+    for (auto [rows, cost] : rowCosts) {
+        double time = static_cast<double>(ceilDiv(m, rows) * rows) * cost;
+        if (best == 0 || time < best) {
+            best = time;
+            chosen = rows;
+        }
+    }
+    return chosen;
+}
+
+bool gemmTakesRows(const Device& device) {
+    return runsOnCpu(device) && !device.matrixUnits() && device.precision() == Precision::Single;
+}
+
+int64_t gemmPanelWidth(const Device& device, int64_t n) {
+    if (auto matrices = device.matrixUnits()) return kMatrixFragments * matrices->n;
+    bool onCpu = runsOnCpu(device);
+    int64_t lanes = onCpu ? device.info().subgroupSize : 32;
+    return n <= 2 * lanes ? 2 * lanes : 2 * lanes * (onCpu ? 2 : gemmTuning(device).pairs);
+}
+
+void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const Gemm& shape) {
+    Gemm g = shape;
+    CHECK(!g.panelsB || (!g.transB && g.ldb == 0 && g.startB == 0), "panels of B are packed");
+    CHECK(!g.panelsA || (!g.transA && g.lda == 0 && g.startA == 0), "panels of A are packed");
+    if (g.lda == 0) g.lda = g.transA ? g.m : g.k;
+    if (g.ldb == 0) g.ldb = g.transB ? g.k : g.n;
+    if (g.ldc == 0) g.ldc = g.n;
+    if (g.m == 0 || g.n == 0 || g.batch == 0) return;
+    auto reach = [&](int64_t start, int64_t rows, int64_t columns, int64_t ld, int64_t stride) {
+        return rows == 0 || columns == 0
+                   ? 0
+                   : start + (g.batch - 1) * stride + (rows - 1) * ld + columns;
+    };
+    int64_t reachA = reach(g.startA, g.transA ? g.k : g.m, g.transA ? g.m : g.k, g.lda, g.strideA);
+    int64_t reachB = reach(g.startB, g.transB ? g.n : g.k, g.transB ? g.k : g.n, g.ldb, g.strideB);
+    int64_t reachC = reach(g.startC, g.m, g.n, g.ldc, g.strideC);
+    CHECK(reachA <= a.elements() && reachB <= b.elements() && reachC <= c.elements(),
+          "the matrices of a product {}x{}x{} lie within their tensors", g.m, g.n, g.k);
+    CHECK(!g.bias || g.bias.elements() == (g.biasPerRow ? g.m : g.n), "bias fits the product");
+
+    Plan p = plan(graph.device(), g);
+    if (g.sums)
+        CHECK(g.transA && g.batch == 1 && g.startA == 0 && g.lda == g.m, "A's sums are over rows");
+    if (int64_t apart = columnsApart(g, p)) {
+        Gemm wide = g, narrow = g;
+        wide.sums = {};
+        wide.n = g.n - apart;
+        narrow.n = apart;
+        narrow.startB += wide.n * (g.transB ? g.ldb : 1);
+        narrow.startC += wide.n;
+        gemm(graph, a, b, c, wide);
+        gemm(graph, a, b, c, narrow);
+        return;
+    }
+    if (g.panelsB) {  // a single panel is a matrix of its width
+        Gemm matrix = g;
+        matrix.panelsB = false;
+        matrix.ldb = p.columns();
+        if (isNarrow(matrix, p)) g = matrix;
+    }
+    const bool narrow = isNarrow(g, p);
+    if (narrow && !g.transA) return narrowRows(graph, a, b, c, g, p);
+    if (narrow) p.panelsA = p.panelsB = false;
+    if (g.sums && !narrow) sumAxis(graph, a, 1, g.k, g.m, g.sums);
+    // A's panels have only the rows that are listed, so that C can have no others.
+    const bool listed = g.rows && g.panelsA;
+    CHECK(!listed || gemmTakesRows(graph.device()), "this product can leave rows out");
+    Tensor left = a, right = b;
+    uint32_t layoutA = g.transA ? kGemmTransposed : g.panelsA ? kGemmPanels : kGemmRows;
+    uint32_t layoutB = g.transB ? kGemmTransposed : g.panelsB ? kGemmPanels : kGemmRows;
+    if (g.panelsA) g.lda = gemmPanelSteps(g.k) * p.rows;
+    if (g.panelsB) g.ldb = g.k * p.columns();
+    int64_t stepsA = p.halves ? halfPanelSteps(g.k) : gemmPanelSteps(g.k);
+    // A tile of few columns takes two steps of them from a texel.
+    const bool interleaved = p.onCpu && p.panelsB && !p.halves && !g.panelsB && p.pairs == 1;
+    int64_t stepsB = p.halves ? stepsA : interleaved ? ceilDiv(g.k, 2) * 2 : g.k;
+    if (p.panelsA && g.k > 0) {
+        int64_t matrices = g.strideA == 0 ? 1 : g.batch;
+        Source source{
+            a, g.startA, matrices, g.strideA, g.m, g.transA ? 1 : g.lda, g.transA ? g.lda : 1};
+        if (g.panelsA)  // panels already, of single precision
+            source = {a, 0, matrices, g.strideA, ceilDiv(g.m, p.rows) * p.rows, 1, p.rows, g.lda};
+        left = pack(graph, source, g.k, stepsA, p.rows, p.halves, g.largestA);
+        layoutA = kGemmPanels;
+        g.startA = 0;
+        g.lda = stepsA * p.rows;
+        if (matrices > 1) g.strideA = ceilDiv(g.m, p.rows) * g.lda;
+    }
+    if (p.panelsB && g.k > 0) {
+        int64_t matrices = g.strideB == 0 ? 1 : g.batch;
+        Source source{
+            b, g.startB, matrices, g.strideB, g.n, g.transB ? g.ldb : 1, g.transB ? 1 : g.ldb};
+        if (g.panelsB) {
+            int64_t width = p.columns();
+            source = {b, 0, matrices, g.strideB, ceilDiv(g.n, width) * width, 1, width, g.ldb};
+        }
+        right =
+            pack(graph, source, g.k, stepsB, u32(p.columns()), p.halves, g.largestB, interleaved);
+        layoutB = interleaved ? kGemmInterleaved : kGemmPanels;
+        g.startB = 0;
+        g.ldb = stepsB * p.columns();
+        if (matrices > 1) g.strideB = ceilDiv(g.n, p.columns()) * g.ldb;
+    }
+    bool split = p.parts > 1;
+    Tensor out = split ? graph.temporary({p.parts, g.batch, g.m, g.n}) : c;
+    if (split && listed) graph.keep(out);
+    if (split) {
+        g.ldc = g.n;
+        g.startC = 0;
+        g.strideC = g.m * g.n;
+    }
+    Tensor sums = !narrow || !g.sums ? graph.none()
+                  : split            ? graph.temporary({p.parts, g.m})
+                                     : g.sums;
+    int64_t strideCPart = g.batch * g.m * g.n;
+    GemmParams params = gemmParams(g);
+    params.kPart = u32(p.kPart);
+    Groups groups{u32(ceilDiv(g.m, p.rows)), u32(ceilDiv(g.n, p.columns())),
+                  u32(p.parts * g.batch)};
+    Tensor bias = g.bias ? g.bias : graph.none();
+    Tensor largest = g.largestA ? g.largestA : g.largestB;
+    CHECK(!g.largestA || !g.largestB, "one side of a product at most is made of gradients");
+    Specialisation spec{{"local_size", p.lanes},
+                        {"kAccumulate", !split && g.accumulate},
+                        {"kBias", split ? 0 : biasKind(g)},
+                        {"kRelu", !split && g.relu},
+                        {"kScaled", bool(largest)}};
+    if (!largest) largest = graph.none();
+    if (!p.matrices)
+        spec.insert({{"kLanes", p.lanes},
+                     {"kRows", p.rows},
+                     {"kPairs", p.pairs},
+                     {"kLayoutA", layoutA},
+                     {"kLayoutB", layoutB},
+                     {"kHalves", p.halves},
+                     {"kWholeRows", !listed && g.m % p.rows == 0},
+                     {"kWholeColumns", g.n % p.columns() == 0}});
+    if (p.matrices) {
+        spec["kMatrixM"] = p.matrices->m;
+        spec["kMatrixN"] = p.matrices->n;
+        spec["kMatrixK"] = p.matrices->k;
+        spec["kDirect"] = g.m % p.rows == 0 && g.n % p.columns() == 0 &&
+                          (split || (!g.accumulate && !g.bias && !g.relu));
+        graph.dispatchGroups(
+            "linalg/gemm_matrix.tile",
+            {{"a", left}, {"b", right}, {"c", out}, {"bias", bias}, {"largest", largest}}, params,
+            groups, spec);
+    } else if (narrow) {
+        groups.x = u32(ceilDiv(g.m, int64_t{4} * p.lanes));
+        graph.dispatchGroups("linalg/gemm_narrow.columns",
+                             {{"a", a}, {"b", b}, {"c", out}, {"sums", sums}}, params, groups,
+                             {{"local_size", p.lanes},
+                              {"kLanes", p.lanes},
+                              {"kColumns", u32(g.n)},
+                              {"kTransB", false},
+                              {"kSums", bool(g.sums)}});
+    } else if (p.onCpu) {
+        spec["kQuadA"] =
+            !p.halves && (layoutA == kGemmPanels || divisible(4, {g.lda, g.startA, g.strideA}));
+        spec["kQuadB"] =
+            !p.halves && (layoutB >= kGemmPanels ||
+                          divisible(4, {g.ldb, g.startB, g.strideB, g.transB ? g.k : 0}));
+        spec["kEvenC"] = divisible(2, {g.ldc, g.startC, g.strideC, g.n, split ? strideCPart : 0});
+        spec["kListed"] = listed;
+        std::initializer_list<Argument> arguments{
+            {"a", left},       {"b", right},         {"c", out},
+            {"bias", bias},    {"largest", largest}, {"aQuads", left},
+            {"bQuads", right}, {"cPairs", out},      {"listed", g.rows.list(graph)}};
+        if (listed)
+            graph.dispatchIndirect("linalg/gemm_texels.tile", arguments, params,
+                                   g.rows.groups(p.rows / kRowsListed, groups.y, groups.z), spec);
+        else
+            graph.dispatchGroups("linalg/gemm_texels.tile", arguments, params, groups, spec);
+    } else {
+        graph.dispatchGroups(
+            "linalg/gemm.tile",
+            {{"a", left}, {"b", right}, {"c", out}, {"bias", bias}, {"largest", largest}}, params,
+            groups, spec);
+    }
+    if (!split) return;
+    GemmReduceParams reduce{.elements = u32(strideCPart),
+                            .m = u32(g.m),
+                            .n = u32(g.n),
+                            .ldc = u32(shape.ldc ? shape.ldc : g.n),
+                            .startC = u32(shape.startC),
+                            .strideC = u32(shape.strideC),
+                            .parts = u32(p.parts),
+                            .byRows = divisorOf(uint64_t(g.m)),
+                            .byColumns = divisorOf(uint64_t(g.n))};
+    graph.dispatch("linalg/gemm_reduce.sum", {{"partial", out}, {"c", c}, {"bias", bias}}, reduce,
+                   static_cast<uint64_t>(strideCPart),
+                   {{"kAccumulate", g.accumulate}, {"kBias", biasKind(g)}, {"kRelu", g.relu}});
+    if (narrow && g.sums) sumAxis(graph, sums, 1, p.parts, g.m, g.sums);
+}
+
+Tensor largestMagnitude(Graph& graph, const Tensor& x) {
+    if (graph.device().precision() != Precision::Mixed) return {};
+    Tensor largest = graph.temporary({1});
+    graph.fill(largest);
+    constexpr uint32_t kLanes = 256;
+    auto elements = static_cast<uint64_t>(x.elements());
+    graph.dispatch("linalg/largest.magnitude", {{"x", x}, {"largest", largest}},
+                   LargestParams{u32(x.elements())}, (elements + kLargestEach - 1) / kLargestEach,
+                   {{"local_size", kLanes}});
+    return largest;
+}
+
+void sumAxis(Graph& graph, const Tensor& x, int64_t outer, int64_t count, int64_t inner,
+             const Tensor& target, bool accumulate) {
+    CHECK(outer * count * inner <= x.elements() && outer * inner <= target.elements(),
+          "a sum over [{},{},{}] lies within its tensors", outer, count, inner);
+    if (outer * inner == 0) return;
+    bool quads = loadsTexels(graph.device()) && inner % 4 == 0;
+    const char* kernel = quads ? "linalg/sum.axis_quads" : "linalg/sum.axis";
+    const char* name = quads ? "xQuads" : "x";
+    int64_t each = quads ? 4 : 1;  // columns of an invocation
+    constexpr int64_t kPartLength = 256;
+    int64_t parts = std::max<int64_t>(1, ceilDiv(count, kPartLength));
+    Tensor source = x;
+    if (parts > 1) {
+        SumParams params{u32(outer), u32(count), u32(inner), kPartLength, u32(parts)};
+        source = graph.temporary({outer, parts, inner});
+        graph.dispatch(kernel, {{name, x}, {"y", source}}, params,
+                       static_cast<uint64_t>(outer * parts * (inner / each)));
+        count = parts;
+    }
+    SumParams params{u32(outer), u32(count), u32(inner), u32(std::max<int64_t>(count, 1)), 1};
+    graph.dispatch(kernel, {{name, source}, {"y", target}}, params,
+                   static_cast<uint64_t>(outer * (inner / each)), {{"kAccumulate", accumulate}});
+}
+
+Tensor matmul(Graph& graph, const Tensor& a, const Tensor& b, bool transA, bool transB) {
+    int64_t B = a.dim(0), M = a.dim(transA ? 2 : 1), K = a.dim(transA ? 1 : 2);
+    int64_t N = b.dim(transB ? 1 : 2);
+    if (b.dim(transB ? 2 : 1) != K || b.dim(0) != B)
+        throwInput("matmul: expected matrices that fit, found {} and {}", toString(a.shape),
+                   toString(b.shape));
+    Tensor c = graph.temporary({B, M, N});
+    Gemm product{.m = M,
+                 .n = N,
+                 .k = K,
+                 .transA = transA,
+                 .transB = transB,
+                 .batch = B,
+                 .strideA = M * K,
+                 .strideB = K * N,
+                 .strideC = M * N};
+    graph.beginOp("matmul", flops(product));
+    gemm(graph, a, b, c, product);
+    graph.differentiate({a, b}, {c}, [=, &graph] {
+        Tensor dc = graph.gradient(c), largest = largestMagnitude(graph, dc);
+        // dA = dC op(B)^T or its transpose, dB = op(A)^T dC or its transpose.
+        Gemm da{.m = M,
+                .n = K,
+                .k = N,
+                .transB = !transB,
+                .batch = B,
+                .strideA = M * N,
+                .strideB = K * N,
+                .strideC = M * K,
+                .largestA = largest};
+        Gemm daT{.m = K,
+                 .n = M,
+                 .k = N,
+                 .transA = transB,
+                 .transB = true,
+                 .batch = B,
+                 .strideA = K * N,
+                 .strideB = M * N,
+                 .strideC = M * K,
+                 .largestB = largest};
+        Gemm db{.m = K,
+                .n = N,
+                .k = M,
+                .transA = !transA,
+                .batch = B,
+                .strideA = M * K,
+                .strideB = M * N,
+                .strideC = K * N,
+                .largestB = largest};
+        Gemm dbT{.m = N,
+                 .n = K,
+                 .k = M,
+                 .transA = true,
+                 .transB = transA,
+                 .batch = B,
+                 .strideA = M * N,
+                 .strideB = M * K,
+                 .strideC = K * N,
+                 .largestA = largest};
+        if (graph.wantsGradient(a)) {
+            Tensor target = graph.gradientTarget(a);
+            if (transA)
+                gemm(graph, b, dc, target, daT);
+            else
+                gemm(graph, dc, b, target, da);
+        }
+        if (graph.wantsGradient(b)) {
+            Tensor target = graph.gradientTarget(b);
+            if (transB)
+                gemm(graph, dc, a, target, dbT);
+            else
+                gemm(graph, a, dc, target, db);
+        }
+    });
+    return c;
+}
+
+Tensor linear(Graph& graph, const Tensor& x, const Tensor& weight, const Tensor& bias,
+              const ListedRows& rows) {
+    int64_t V = x.dim(0), I = x.dim(1), O = weight.dim(0);
+    CHECK(weight.dim(1) == I, "weight {} fits x {}", toString(weight.shape), toString(x.shape));
+    Tensor y = graph.temporary({V, O});
+    Gemm product{.m = V, .n = O, .k = I, .transB = true, .bias = bias, .rows = rows};
+    graph.beginOp("linear", flops(product));
+    gemm(graph, x, weight, y, product);
+    if (rows) return graph.keep(y), y;
+    graph.differentiate({x, weight, bias}, {y}, [=, &graph] {
+        Tensor dy = graph.gradient(y), largest = largestMagnitude(graph, dy);
+        if (graph.wantsGradient(x))
+            gemm(graph, dy, weight, graph.gradientTarget(x),
+                 {.m = V, .n = I, .k = O, .largestA = largest});
+        if (graph.wantsGradient(weight))
+            gemm(graph, dy, x, graph.gradientTarget(weight),
+                 {.m = O,
+                  .n = I,
+                  .k = V,
+                  .transA = true,
+                  .sums = graph.wantsGradient(bias) ? graph.gradientTarget(bias) : Tensor(),
+                  .largestA = largest});
+        else if (graph.wantsGradient(bias))
+            sumAxis(graph, dy, 1, V, O, graph.gradientTarget(bias));
+    });
+    return y;
+}
+
+static const Op kLinear{{
+    .name = "linear",
+    .inputs = "x[V,I] weight[O,I] bias[O]?",
+    .outputs = "y",
+    .differentiable = "x weight bias",
+    .build = [](OpCall& c) { c.result("y", linear(c.graph, c["x"], c["weight"], c["bias"])); },
+}};
+
+// The product itself, so that every variant can be tested and compared: a and b as stored.
+static const Op kMatmul{{
+    .name = "matmul",
+    .inputs = "a[B,R,S] b[B,T,U]",
+    .attributes = "trans_a=0 trans_b=0",
+    .outputs = "c",
+    .differentiable = "a b",
+    .build =
+        [](OpCall& c) {
+            c.result("c",
+                     matmul(c.graph, c["a"], c["b"], c.u("trans_a") != 0, c.u("trans_b") != 0));
+        },
+}};
+
+}  // namespace doppel

@@ -1,0 +1,47 @@
+#include "nn/ops/texture.h"
+
+#include "nn/core/op.h"
+#include "texture/params.h"
+
+namespace doppel {
+
+std::vector<Tensor> interleave(Graph& graph, const Tensor& x) {
+    CHECK(x.shape.size() == 4, "an image batch is [N,C,H,W], not {}", toString(x.shape));
+    InterleaveParams params{static_cast<uint32_t>(x.dim(1)),
+                            static_cast<uint32_t>(x.dim(2) * x.dim(3))};
+    bool pairs = params.channels == 3 && params.pixels % 2 == 0;
+    uint64_t invocations = pairs ? params.pixels / 2 : params.pixels;
+    const char *xName = pairs ? "xs" : "x", *yName = pairs ? "ys" : "y";
+    std::vector<Tensor> textures;
+    graph.beginOp("interleave");
+    for (int64_t n = 0; n < x.dim(0); ++n) {
+        textures.push_back(graph.temporary({x.dim(2), x.dim(3), x.dim(1)}));
+        graph.dispatch(pairs ? "texture/interleave.forward_pairs" : "texture/interleave.forward",
+                       {{xName, x.slice(n, 1)}, {yName, textures.back()}}, params, invocations);
+    }
+    graph.differentiate({x}, textures, [=, &graph] {
+        Tensor dx = graph.gradientTarget(x);
+        for (size_t n = 0; n < textures.size(); ++n)
+            graph.dispatch(
+                pairs ? "texture/interleave.backward_pairs" : "texture/interleave.backward",
+                {{xName, graph.gradient(textures[n])},
+                 {yName, dx.slice(static_cast<int64_t>(n), 1)}},
+                params, invocations);
+    });
+    return textures;
+}
+
+static const Op kInterleave{{
+    .name = "interleave",
+    .inputs = "x[C,H,W]",
+    .outputs = "y",
+    .differentiable = "x",
+    .build =
+        [](OpCall& c) {
+            Tensor x = c["x"];
+            Tensor batch = x.reshaped({1, x.dim(0), x.dim(1), x.dim(2)});
+            c.result("y", interleave(c.graph, batch).at(0));
+        },
+}};
+
+}  // namespace doppel

@@ -1,0 +1,306 @@
+#include "trainer/avatar/avatar.h"
+
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+
+#include "engine/atomic_file.h"
+#include "engine/io/image.h"
+#include "engine/io/pickle.h"
+#include "engine/io/safetensors.h"
+#include "nn/ops/body.h"
+#include "trainer/avatar/checkpoint.h"
+#include "trainer/avatar/networks.h"
+#include "trainer/data/output_folder.h"
+#include "trainer/data/sheet.h"
+#include "trainer/data/synthetic.h"
+#include "trainer/data/version.h"
+
+namespace doppel {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+WeightMap readNetwork(const fs::path& path) {
+    if (!fs::exists(path)) return {};
+    return readSafetensors(path).tensors;
+}
+
+void writeNetwork(const fs::path& path, const WeightMap& weights) {
+    if (weights.empty()) {
+        std::error_code ignored;
+        fs::remove(path, ignored);
+        return;
+    }
+    Safetensors file;
+    file.tensors = weights;
+    file.metadata["format"] = "doppel";
+    writeSafetensors(path, file);
+}
+
+void writeTexture(const fs::path& path, const std::vector<float>& texture, int size) {
+    std::error_code ignored;
+    if (texture.empty())
+        fs::remove(path, ignored);
+    else
+        writeImage(path, toImage(texture, size, size));
+}
+
+// Empty where there is no such file. Textures of one avatar have one size; 0: not known yet.
+std::vector<float> readTexture(const fs::path& path, int& size) {
+    if (!fs::exists(path)) return {};
+    Image image = readImage(path, 3);
+    if (image.width != image.height || (size > 0 && image.width != size))
+        throwInput("{}: expected a square texture{}, found {}×{}", path.string(),
+                   size > 0 ? fmt::format(" of {} pixels", size) : "", image.width, image.height);
+    size = image.width;
+    std::vector<float> texture;
+    for (uint8_t byte : image.data) texture.push_back(static_cast<float>(byte) / 255.0f);
+    return texture;
+}
+
+toml::table parseToml(const fs::path& path) {
+    std::vector<uint8_t> bytes = readWholeFile(path, uint64_t{1} << 20);
+    std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+    try {
+        return toml::parse(text, path.string());
+    } catch (const toml::parse_error& error) {
+        throwInput("{}: line {}: not TOML: {}", path.string(), error.source().begin.line,
+                   error.description());
+    }
+}
+
+}  // namespace
+
+fs::path liveFolder(const fs::path& avatar) { return avatar / "checkpoints" / "live"; }
+
+void writeLiveAvatar(const fs::path& out, const Avatar& avatar) {
+    OutputFolder live(liveFolder(out), "avatar.toml");
+    writeAvatar(live.folder(), avatar);
+    live.commit();
+}
+
+Npz readBodyArrays(const std::string& body) {
+    if (body == "default" || body == "default-full")
+        return readNpz(assetFolder() / "body" / (body + ".npz"));
+    fs::path path(body);
+    if (path.extension() == ".npz") return readNpz(path);
+    if (path.extension() != ".pkl")
+        throwInput("--body: expected default, default-full, an .npz or a .pkl file, found \"{}\"",
+                   body);
+    // SMPL's own file: a dict of arrays.
+    PickleValue file = readPickle(path);
+    Npz arrays;
+    arrays.file = path.string();
+    for (const char* name :
+         {"v_template", "f", "shapedirs", "posedirs", "weights", "J_regressor", "kintree_table"})
+        if (auto value = file.find(name)) arrays.set(name, value->asArray());
+    return arrays;
+}
+
+void writeAvatar(const fs::path& folder, const Avatar& avatar) {
+    createFolders(folder);
+    Npz body = avatar.bodyArrays;
+    body.set("betas", Array::f32({10}, avatar.betas));
+    writeNpz(folder / "body.npz", body, true);
+    writeNetwork(folder / "mesh_net.safetensors", avatar.meshNet);
+    writeNetwork(folder / "texture_net.safetensors", avatar.textureNet);
+    writeNetwork(folder / "refine_net.safetensors", avatar.refineNet);
+    writeTexture(folder / "texture.png", avatar.texture, avatar.textureSize);
+    writeTexture(folder / "texture_baked.png", avatar.bakedTexture, avatar.textureSize);
+
+    toml::table source, preset;
+    for (const auto& [key, value] : avatar.provenance) source.insert(key, value);
+    for (const auto& [key, value] : presetValues(avatar.preset)) preset.insert(key, value);
+    toml::table table{{"doppel", kVersion},
+                      {"vertices", avatar.body.vertexCount},
+                      {"texture_size", avatar.textureSize},
+                      {"preset", avatar.preset.name},
+                      {"source", source},
+                      {"numbers", preset}};
+    std::ostringstream text;
+    text << table << "\n";
+    AtomicFile file(folder / "avatar.toml");
+    file.write(text.str());
+    file.commit();
+}
+
+Avatar readAvatar(const fs::path& folder) {
+    if (!fs::exists(folder / "avatar.toml"))
+        throwInput("{}: expected an avatar's folder with an avatar.toml, found none",
+                   folder.string());
+    fs::path path = folder / "avatar.toml";
+    toml::table table = parseToml(path);
+    Avatar avatar;
+    avatar.bodyArrays = readNpz(folder / "body.npz");
+    avatar.body = bodyFromNpz(avatar.bodyArrays);
+    std::vector<float> betas = avatar.bodyArrays.at("betas").requireShape({10}).toF32();
+    std::ranges::copy(betas, avatar.betas.begin());
+    for (float beta : betas)
+        if (!std::isfinite(beta))
+            throwInput("{}: betas: expected finite numbers, found {}",
+                       (folder / "body.npz").string(), beta);
+    avatar.preset = presetByName("paper");
+    avatar.preset.name = table["preset"].value_or(std::string("paper"));
+    if (const toml::table* numbers = table["numbers"].as_table())
+        for (const auto& [key, value] : *numbers)
+            setPresetValue(avatar.preset, key.str(), value.value_or(std::string()), path.string());
+    if (const toml::table* source = table["source"].as_table())
+        for (const auto& [key, value] : *source)
+            avatar.provenance[std::string(key.str())] = value.value_or(std::string());
+    avatar.meshNet = readNetwork(folder / "mesh_net.safetensors");
+    avatar.textureNet = readNetwork(folder / "texture_net.safetensors");
+    avatar.refineNet = readNetwork(folder / "refine_net.safetensors");
+    avatar.texture = readTexture(folder / "texture.png", avatar.textureSize);
+    avatar.bakedTexture = readTexture(folder / "texture_baked.png", avatar.textureSize);
+    return avatar;
+}
+
+TextureKind textureKind(std::string_view word, std::string_view where) {
+    if (word == "best") return TextureKind::Best;
+    if (word == "coarse") return TextureKind::Coarse;
+    if (word == "refined") return TextureKind::Refined;
+    if (word == "baked") return TextureKind::Baked;
+    throwInput("{}: expected best, coarse, refined or baked, found \"{}\"", where, word);
+}
+
+void requireTexture(const Avatar& avatar, TextureKind kind, const fs::path& folder) {
+    if (avatar.texture.empty())
+        throwInput("{}: it has no texture yet; train stage texture first", folder.string());
+    if ((kind == TextureKind::Refined && avatar.refineNet.empty()) ||
+        (kind == TextureKind::Baked && avatar.bakedTexture.empty()))
+        throwInput("{}: it has no refined texture yet; train stage refine first", folder.string());
+}
+
+// ---- posing and drawing -------------------------------------------------------------------------
+
+struct AvatarRenderer::MeshRecording {
+    Graph graph;
+    Parameters net;
+    Tensor theta, trans, verts;
+
+    // Leaves the vertices in target as well.
+    MeshRecording(Device& device, const Avatar& avatar, bool refined, const BufferView& target)
+        : graph(device) {
+        const BodyModel& body = avatar.body;
+        theta = graph.input({72});
+        trans = graph.input({3});
+        Tensor beta = graph.constant(std::span<const float>(avatar.betas), {10});
+        Tensor rest =
+            graph.constant(std::span<const float>(body.templateVertices), {body.vertexCount, 3});
+        LbsModel skin = lbsModel(graph, body);
+        if (refined && !avatar.meshNet.empty()) {
+            declareMeshNet(net, avatar, 0);
+            net.allocate(device);
+            loadWeights(net, avatar.meshNet, "mesh_net.safetensors");
+            MeshNetwork network = meshNetwork(graph, avatar, net);
+            verts = network.refine(skin, rest, beta, theta, trans);
+        } else {
+            verts = lbs(graph, skin, rest, theta, beta, trans).verts;
+        }
+        graph.beginOp("keep_mesh");
+        graph.copy(verts, graph.attach(target, verts.shape));
+        graph.output(verts);
+        graph.compile();
+    }
+};
+
+// The texture networks painting what faces the camera.
+struct AvatarRenderer::TextureRecording {
+    TextureNet net;
+    std::optional<RefineNet> refineNet;
+    Graph graph;
+    Tensor texture;
+
+    // Of the vertices in source; leaves the texture in target as well.
+    TextureRecording(Device& device, const Avatar& avatar, bool refined, const BufferView& source,
+                     const BufferView& target)
+        : net(device, avatar.preset.texture, avatar.textureNet), graph(device) {
+        const BodyModel& body = avatar.body;
+        Tensor verts = graph.attach(source, {body.vertexCount, 3});
+        RasterMesh mesh = rasterMesh(graph, body.faces, body.vertexCount);
+        Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
+        RasterAtlas atlas = rasterAtlas(graph, uvs, body.uvFaces);
+        Tensor map = visibilityMap(graph, mesh, verts, atlas, avatar.textureSize);
+        if (refined) {
+            refineNet.emplace(device, avatar);
+            // With a constant input, the coarse texture is the same for every view.
+            std::vector<float> constant;
+            if (avatar.preset.texture.constantInput) constant = paintedTexture(device, net);
+            texture = refineNet->forward(graph, net, constant, map);
+        } else {
+            texture = net.forward(graph, {map}, false).at(0);
+        }
+        graph.beginOp("keep_texture");
+        graph.copy(texture, graph.attach(target, texture.shape));
+        graph.output(texture);
+        graph.compile();
+    }
+};
+
+AvatarRenderer::AvatarRenderer(Device& device, const Avatar& avatar, bool refined, TextureKind kind)
+    : device_(device),
+      avatar_(avatar),
+      fixedTexture_(&avatar.texture),
+      drawer_(device, avatar.body),
+      mesh_(std::make_unique<MeshRecording>(device, avatar, refined, drawer_.verts())) {
+    if (kind == TextureKind::Best)
+        kind = avatar.refineNet.empty() ? TextureKind::Coarse : TextureKind::Refined;
+    if (kind == TextureKind::Baked) {
+        CHECK(!avatar.bakedTexture.empty(), "the avatar has a baked texture");
+        fixedTexture_ = &avatar.bakedTexture;
+    }
+    bool refine = kind == TextureKind::Refined;
+    CHECK(!refine || (!avatar.refineNet.empty() && !avatar.textureNet.empty()),
+          "the avatar has networks for a refined texture");
+    bool painted = !avatar.textureNet.empty() && !avatar.preset.texture.constantInput;
+    if (avatar.textureSize == 0) return;
+    if (refine || (painted && kind != TextureKind::Baked))
+        textureRecording_ = std::make_unique<TextureRecording>(
+            device, avatar, refine, drawer_.verts(), drawer_.texture(avatar.textureSize));
+    else
+        device.upload(drawer_.texture(avatar.textureSize),
+                      std::as_bytes(std::span(*fixedTexture_)));
+}
+
+AvatarRenderer::~AvatarRenderer() = default;
+
+std::vector<float> AvatarRenderer::vertices(const Theta& theta, const Trans& trans) {
+    mesh_->graph.write(mesh_->theta, std::span<const float>(theta));
+    mesh_->graph.write(mesh_->trans, std::span<const float>(trans));
+    mesh_->graph.run();
+    return mesh_->graph.read<float>(mesh_->verts);
+}
+
+const std::vector<float>& AvatarRenderer::texture(std::span<const float> verts) {
+    if (!textureRecording_) return *fixedTexture_;
+    device_.upload(drawer_.verts(), std::as_bytes(verts));
+    textureRecording_->graph.run();
+    texture_ = textureRecording_->graph.read<float>(textureRecording_->texture);
+    return texture_;
+}
+
+void AvatarRenderer::submit(const Theta& theta, const Trans& trans, const Camera& camera,
+                            int samples) {
+    mesh_->graph.write(mesh_->theta, std::span<const float>(theta));
+    mesh_->graph.write(mesh_->trans, std::span<const float>(trans));
+    mesh_->graph.submit();
+    if (textureRecording_) textureRecording_->graph.submit();
+    drawer_.submit(camera, avatar_.textureSize, samples);
+}
+
+Drawing AvatarRenderer::draw(const Theta& theta, const Trans& trans, const Camera& camera,
+                             int samples) {
+    submit(theta, trans, camera, samples);
+    return take();
+}
+
+std::vector<uint8_t> AvatarRenderer::mask(const Theta& theta, const Trans& trans,
+                                          const Camera& camera) {
+    return drawer_.mask(vertices(theta, trans), camera);
+}
+
+}  // namespace doppel

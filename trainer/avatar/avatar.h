@@ -1,0 +1,103 @@
+// An avatar: a body, the networks that make it a person, and its texture; on disk a folder:
+//
+//     avatar.toml               name, seed, preset, every number of the run, where it came from
+//     body.npz                  the body model, and the person's betas
+//     mesh_net.safetensors      once stage "mesh" is done
+//     texture_net.safetensors   once stage "texture" is done
+//     texture.png               the atlas as the texture network paints it for all sides
+//     refine_net.safetensors    once stage "refine" is done
+//     texture_baked.png         the refined textures of many views, merged
+//     preview.png
+//     checkpoints/, log/        training state, while a run is unfinished, and curves
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "engine/io/safetensors.h"
+#include "nn/body/body.h"
+#include "nn/core/graph.h"
+#include "trainer/avatar/preset.h"
+#include "trainer/data/body_render.h"
+#include "trainer/data/capture.h"
+
+namespace doppel {
+
+struct Avatar {
+    BodyModel body;
+    Npz bodyArrays;  // what body.npz holds, as it was read
+    Betas betas{};
+    Preset preset;
+    std::map<std::string, std::string> provenance;
+    WeightMap meshNet, textureNet, refineNet;  // empty: that stage has not been trained
+    int textureSize = 0;
+    // [size,size,3] sRGB-encoded in [0,1]; empty: none yet.
+    std::vector<float> texture, bakedTexture;
+
+    // Forgets what stage "refine" made, as when the stages before it are trained again.
+    void clearRefinement() {
+        refineNet.clear();
+        bakedTexture.clear();
+    }
+};
+
+// Which texture an avatar is drawn with. Coarse: stage 2's. Refined: what stage 3 makes of it for
+// the view at hand. Baked: the refined textures of many views merged into one, for programs that
+// take a texture only.
+enum class TextureKind { Best, Coarse, Refined, Baked };
+// "best" (refined where there is one, else coarse), "coarse", "refined", "baked". InputError naming
+// `where` for another word.
+TextureKind textureKind(std::string_view word, std::string_view where = "--texture");
+// InputError, naming the avatar's folder and what to train, where it has no such texture.
+void requireTexture(const Avatar& avatar, TextureKind kind, const std::filesystem::path& folder);
+
+Avatar readAvatar(const std::filesystem::path& folder);
+// Creates or updates the folder; each file appears whole or not at all. Files of networks that the
+// avatar does not have are removed.
+void writeAvatar(const std::filesystem::path& folder, const Avatar& avatar);
+
+// Where an unfinished run leaves its present state, as an avatar, whenever it draws a picture of
+// it; it appears whole each time, and goes with the run's end.
+std::filesystem::path liveFolder(const std::filesystem::path& avatar);
+void writeLiveAvatar(const std::filesystem::path& out, const Avatar& avatar);
+
+// "default", "default-full" (of assets/body), or an .npz, or SMPL's .pkl.
+Npz readBodyArrays(const std::string& body);
+
+// Poses an avatar and draws it: pose in, mesh, texture, picture out.
+class AvatarRenderer {
+public:
+    // refined: false leaves the mesh network out.
+    AvatarRenderer(Device& device, const Avatar& avatar, bool refined = true,
+                   TextureKind texture = TextureKind::Best);
+    ~AvatarRenderer();
+
+    // [V,3] in camera space, metres.
+    std::vector<float> vertices(const Theta& theta, const Trans& trans);
+    // The texture for this view: one for all views, or the networks' for what faces the camera.
+    const std::vector<float>& texture(std::span<const float> verts);
+    Drawing draw(const Theta& theta, const Trans& trans, const Camera& camera, int samples = 1);
+    // draw() in two halves, so that the device draws one picture while the host has another in
+    // hand: take() is the oldest submitted. Two at most are under way, and nothing else is asked
+    // for meanwhile.
+    void submit(const Theta& theta, const Trans& trans, const Camera& camera, int samples = 1);
+    Drawing take() { return drawer_.take(); }
+    std::vector<uint8_t> mask(const Theta& theta, const Trans& trans, const Camera& camera);
+
+private:
+    struct MeshRecording;
+    struct TextureRecording;
+    Device& device_;
+    const Avatar& avatar_;
+    const std::vector<float>* fixedTexture_;  // where the view does not matter
+    MeshDrawer drawer_;
+    std::unique_ptr<MeshRecording> mesh_;
+    std::unique_ptr<TextureRecording> textureRecording_;
+    std::vector<float> texture_;
+};
+
+}  // namespace doppel

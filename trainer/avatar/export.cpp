@@ -1,0 +1,291 @@
+#include "trainer/avatar/export.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <glm/gtc/quaternion.hpp>
+#include <limits>
+#include <vector>
+
+#include "engine/error.h"
+#include "nn/body/body.h"
+#include "trainer/data/sheet.h"
+#include "trainer/motion/joints.h"
+
+namespace doppel {
+
+namespace {
+
+constexpr size_t kJoints = BodyModel::kJoints, kLeftShoulder = 16, kRightShoulder = 17;
+
+// ---- mesh ---------------------------------------------------------------------------------------
+
+glm::dvec3 vertex(std::span<const float> verts, size_t v) {
+    return {verts[3 * v], verts[3 * v + 1], verts[3 * v + 2]};
+}
+
+// [V,3] Sums of the faces' cross products: larger faces count for more.
+std::vector<float> areaNormals(std::span<const float> verts, std::span<const int32_t> faces) {
+    std::vector<double> sums(verts.size());
+    auto at = [&](int32_t v) { return vertex(verts, static_cast<size_t>(v)); };
+    for (size_t f = 0; f + 2 < faces.size(); f += 3) {
+        glm::dvec3 a = at(faces[f]);
+        glm::dvec3 normal = glm::cross(at(faces[f + 1]) - a, at(faces[f + 2]) - a);
+        for (size_t corner = 0; corner < 3; ++corner)
+            for (int c = 0; c < 3; ++c)
+                sums[3 * static_cast<size_t>(faces[f + corner]) + static_cast<size_t>(c)] +=
+                    normal[c];
+    }
+    return {sums.begin(), sums.end()};
+}
+
+float lowest(std::span<const float> verts) {
+    float low = std::numeric_limits<float>::infinity();
+    for (size_t i = 1; i < verts.size(); i += 3) low = std::min(low, verts[i]);
+    return low;
+}
+
+// ---- texture ------------------------------------------------------------------------------------
+
+// [size,size] 1 at texels that a chart's pictures depend on: bilinear filtering reaches one texel
+// over its border.
+std::vector<uint8_t> chartTexels(const BodyModel& body, int size) {
+    std::vector<uint8_t> covered(static_cast<size_t>(size) * static_cast<size_t>(size));
+    for (size_t f = 0; f + 2 < body.uvFaces.size(); f += 3) {
+        std::array<glm::dvec2, 3> p;  // in texels, whose centres are whole numbers
+        for (size_t i = 0; i < 3; ++i) {
+            const float* uv = &body.uvs[2 * static_cast<size_t>(body.uvFaces[f + i])];
+            p[i] = glm::dvec2(uv[0], uv[1]) * static_cast<double>(size) - 0.5;
+        }
+        glm::dvec2 low = glm::min(p[0], glm::min(p[1], p[2])) - 1.0;
+        glm::dvec2 high = glm::max(p[0], glm::max(p[1], p[2])) + 1.0;
+        auto pixel = [&](double x) {
+            return static_cast<int>(std::clamp(x, 0.0, static_cast<double>(size - 1)));
+        };
+        // Edges as distances, positive inside; a chart may be mirrored.
+        auto across = [](glm::dvec2 a, glm::dvec2 b) { return a.x * b.y - a.y * b.x; };
+        double side = across(p[1] - p[0], p[2] - p[0]) < 0 ? -1 : 1;
+        for (int y = pixel(std::ceil(low.y)); y <= pixel(std::floor(high.y)); ++y)
+            for (int x = pixel(std::ceil(low.x)); x <= pixel(std::floor(high.x)); ++x) {
+                bool inside = true;
+                for (size_t i = 0; i < 3; ++i) {
+                    glm::dvec2 edge = p[(i + 1) % 3] - p[i];
+                    double distance = side * across(edge, glm::dvec2(x, y) - p[i]);
+                    if (distance < -glm::length(edge)) inside = false;
+                }
+                if (inside)
+                    covered[static_cast<size_t>(y) * static_cast<size_t>(size) +
+                            static_cast<size_t>(x)] = 1;
+            }
+    }
+    return covered;
+}
+
+// Spreads the charts' colours over what lies between them, ring by ring.
+void fillBetweenCharts(Image& image, std::vector<uint8_t> covered) {
+    auto width = static_cast<size_t>(image.width), height = static_cast<size_t>(image.height);
+    std::vector<size_t> ring;
+    for (size_t i = 0; i < covered.size(); ++i)
+        if (covered[i]) ring.push_back(i);
+    while (!ring.empty()) {
+        std::vector<size_t> next;
+        for (size_t from : ring) {
+            size_t x = from % width, y = from / width;
+            auto spread = [&](bool exists, size_t to) {
+                if (!exists || covered[to]) return;
+                covered[to] = 1;
+                std::copy_n(&image.data[3 * from], 3, &image.data[3 * to]);
+                next.push_back(to);
+            };
+            spread(x > 0, from - 1);
+            spread(x + 1 < width, from + 1);
+            spread(y > 0, from - width);
+            spread(y + 1 < height, from + width);
+        }
+        ring = std::move(next);
+    }
+}
+
+}  // namespace
+
+// ---- motion -------------------------------------------------------------------------------------
+
+glm::dquat uprightRotation(const Motion& motion) {
+    glm::dquat fromCamera(0, 1, 0, 0);  // half a turn about x
+    if (!motion.cameras.empty()) return fromCamera;
+    glm::dvec3 up(0);
+    for (const Theta& theta : motion.theta) up += jointRotation(theta, 0) * glm::dvec3(0, 1, 0);
+    if (-up.y >= std::max(up.y, up.z)) return fromCamera;
+    if (up.y >= up.z) return {1, 0, 0, 0};
+    return glm::angleAxis(-std::acos(-1.0) / 2, glm::dvec3(1, 0, 0));
+}
+
+namespace {
+
+// Where the joints of a body stand and how they are turned, the pelvis being at rest.
+struct Placement {
+    std::array<glm::dquat, kJoints> turn;
+    std::array<glm::dvec3, kJoints> origin;
+};
+
+struct Rig {
+    const BodyModel& body;
+    std::array<glm::dvec3, kJoints> rest;
+
+    explicit Rig(const Avatar& avatar) : body(avatar.body) {
+        std::vector<double> beta(avatar.betas.begin(), avatar.betas.end());
+        std::vector<double> joints = restJoints(body, beta);
+        for (size_t j = 0; j < kJoints; ++j)
+            rest[j] = {joints[3 * j], joints[3 * j + 1], joints[3 * j + 2]};
+    }
+
+    Placement place(const Theta& theta) const {
+        Placement placed;
+        for (size_t j = 0; j < kJoints; ++j) {
+            placed.turn[j] = jointRotation(theta, j);
+            placed.origin[j] = rest[j];
+            if (body.parents[j] < 0) continue;
+            auto parent = static_cast<size_t>(body.parents[j]);
+            placed.turn[j] = placed.turn[parent] * placed.turn[j];
+            placed.origin[j] =
+                placed.origin[parent] + placed.turn[parent] * (rest[j] - rest[parent]);
+        }
+        return placed;
+    }
+
+    // Skinning takes vertex v from x to turn x + move.
+    struct Blend {
+        glm::dmat3 turn{0};
+        glm::dvec3 move{0};
+    };
+    Blend skin(const Placement& placed, size_t v) const {
+        Blend blend;
+        for (size_t j = 0; j < kJoints; ++j) {
+            double weight = body.weights[kJoints * v + j];
+            if (weight == 0) continue;
+            blend.turn += weight * glm::mat3_cast(placed.turn[j]);
+            blend.move += weight * (placed.origin[j] - placed.turn[j] * rest[j]);
+        }
+        return blend;
+    }
+};
+
+GltfAnimation animate(const Rig& rig, std::span<const float> bindVerts, float ground,
+                      const Motion& motion) {
+    CHECK(motion.size() > 0, "a motion has frames");
+    GltfAnimation animation;
+    animation.name = motion.name.empty() ? "motion" : motion.name;
+    double fps = motion.fps > 0 ? motion.fps : 30;
+    glm::dquat upright = uprightRotation(motion);
+    Placement first = rig.place(motion.theta[0]);
+    double low = std::numeric_limits<double>::infinity();  // below the pelvis
+    for (size_t v = 0; v < bindVerts.size() / 3; ++v) {
+        Rig::Blend skin = rig.skin(first, v);
+        glm::dvec3 posed = skin.turn * vertex(bindVerts, v) + skin.move;
+        low = std::min(low, (upright * (posed - rig.rest[0])).y);
+    }
+    for (size_t k = 0; k < motion.size(); ++k) {
+        animation.times.push_back(static_cast<float>(static_cast<double>(k) / fps));
+        for (size_t j = 0; j < kJoints; ++j) {
+            glm::dquat q = jointRotation(motion.theta[k], j);
+            if (j == 0) q = upright * q;
+            for (double x : {q.x, q.y, q.z, q.w})
+                animation.rotations.push_back(static_cast<float>(x));
+        }
+        // v = R(theta_0) (v' - j_0) + j_0 + t: the pelvis is at j_0 + t, however it is turned.
+        const Trans &t = motion.trans[k], &start = motion.trans[0];
+        glm::dvec3 path =
+            upright * (glm::dvec3(t[0], t[1], t[2]) - glm::dvec3(start[0], start[1], start[2]));
+        glm::dvec3 rest = rig.rest[0] - glm::dvec3(0, ground, 0);
+        glm::dvec3 moved = path - glm::dvec3(0, low, 0) - rest;
+        for (int c = 0; c < 3; ++c) animation.translations.push_back(static_cast<float>(moved[c]));
+    }
+    return animation;
+}
+
+// The vertices that skinning brings closest, in the mean of squares, to what the networks make of
+// these poses: per vertex three numbers from three equations for each pose. Body frame.
+std::vector<float> bindVertices(AvatarRenderer& renderer, const Rig& rig,
+                                std::vector<Theta> poses) {
+    auto count = static_cast<size_t>(rig.body.vertexCount);
+    std::vector<glm::dmat3> matrix(count, glm::dmat3(0));
+    std::vector<glm::dvec3> side(count, glm::dvec3(0));
+    for (Theta& theta : poses) {
+        std::fill_n(theta.begin(), 3, 0.0f);
+        std::vector<float> posed = renderer.vertices(theta, Trans{});
+        Placement placed = rig.place(theta);
+        for (size_t v = 0; v < count; ++v) {
+            Rig::Blend skin = rig.skin(placed, v);
+            matrix[v] += glm::transpose(skin.turn) * skin.turn;
+            side[v] += glm::transpose(skin.turn) * (vertex(posed, v) - skin.move);
+        }
+    }
+    std::vector<float> bind;
+    for (size_t v = 0; v < count; ++v) {
+        glm::dvec3 x = glm::inverse(matrix[v]) * side[v];
+        for (int c = 0; c < 3; ++c) bind.push_back(static_cast<float>(x[c]));
+    }
+    return bind;
+}
+
+// Arms lowered, as people stand: the network has seen that, but nobody in a T-pose. And what the
+// motion shows.
+std::vector<Theta> posesToMatch(const Motion* motion) {
+    constexpr size_t kFromMotion = 15;
+    std::vector<Theta> poses(1);
+    poses[0][3 * kLeftShoulder + 2] = -0.9f;
+    poses[0][3 * kRightShoulder + 2] = 0.9f;
+    if (!motion) return poses;
+    size_t step = (motion->size() + kFromMotion - 1) / kFromMotion;
+    for (size_t k = 0; k < motion->size(); k += step) poses.push_back(motion->theta[k]);
+    return poses;
+}
+
+}  // namespace
+
+GltfScene avatarScene(const Avatar& avatar, std::span<const float> bindVerts, const Motion* motion,
+                      TextureKind texture) {
+    const BodyModel& body = avatar.body;
+    CHECK(bindVerts.size() == 3 * static_cast<size_t>(body.vertexCount),
+          "the bind pose must have the body's {} vertices", body.vertexCount);
+    if (avatar.texture.empty())
+        throwInput("the avatar has no texture yet; train stage texture first");
+
+    GltfScene scene;
+    fillMesh(scene, bindVerts, areaNormals(bindVerts, body.faces), body.faces, body.uvs,
+             body.uvFaces, body.weights, BodyModel::kJoints);
+    float ground = lowest(bindVerts);
+    for (size_t i = 1; i < scene.positions.size(); i += 3) scene.positions[i] -= ground;
+    Rig rig(avatar);
+    for (size_t j = 0; j < kJoints; ++j) {
+        std::array<float, 3> place;
+        for (size_t c = 0; c < 3; ++c)
+            place[c] = static_cast<float>(rig.rest[j][static_cast<int>(c)]);
+        place[1] -= ground;
+        scene.skeleton.push_back({jointName(j), std::max(body.parents[j], -1), place});
+    }
+    CHECK(texture != TextureKind::Refined, "an exported mesh has one texture for all views");
+    bool baked = texture != TextureKind::Coarse && !avatar.bakedTexture.empty();
+    CHECK(baked || texture != TextureKind::Baked, "the avatar has a baked texture");
+    scene.baseColor = toImage(baked ? avatar.bakedTexture : avatar.texture, avatar.textureSize,
+                              avatar.textureSize);
+    fillBetweenCharts(scene.baseColor, chartTexels(body, avatar.textureSize));
+    scene.unlit = scene.doubleSided = true;
+    if (motion) scene.animation = animate(rig, bindVerts, ground, *motion);
+    return scene;
+}
+
+void exportAvatar(Device& device, const Avatar& avatar, const std::filesystem::path& out,
+                  const Motion* motion, TextureKind texture) {
+    AvatarRenderer renderer(device, avatar, true, TextureKind::Coarse);
+    std::vector<float> bind = bindVertices(renderer, Rig(avatar), posesToMatch(motion));
+    for (float x : bind)
+        if (!std::isfinite(x))
+            throwInput(
+                "{}: cannot be made: the avatar's mesh network gives vertices that are not "
+                "finite; train stage mesh again",
+                out.string());
+    writeGlb(out, avatarScene(avatar, bind, motion, texture));
+}
+
+}  // namespace doppel

@@ -1,0 +1,44 @@
+// Avatars for other programs: glTF with a skinned mesh, its texture and, if wanted, a motion.
+//
+// Skinning has one mesh for all poses, where the mesh network refines each pose anew. What is
+// exported is the one T-pose mesh that skinning brings closest to the network's in a standing pose
+// and in those of the motion.
+#pragma once
+
+#include <filesystem>
+#include <glm/gtc/quaternion.hpp>
+#include <span>
+
+#include "engine/device.h"
+#include "engine/io/gltf.h"
+#include "trainer/avatar/avatar.h"
+#include "trainer/data/capture.h"
+
+namespace doppel {
+
+// What turns the space of a motion's poses into one with y up. Poses from a capture are in camera
+// space, y down. Poses without cameras may also have been made with y or z up: the one of the three
+// that brings the bodies closest to standing.
+glm::dquat uprightRotation(const Motion& motion);
+
+// bindVerts [V,3]: the avatar's vertices in the T-pose, body frame. The scene has the same axes
+// (metres, y up, facing +z), with the ground, y = 0, under the lowest vertex.
+//
+// A motion becomes an animation at the motion's fps in a world with y up (uprightRotation): what
+// faced the camera faces +z, and in the first key the pelvis is above the origin and the lowest
+// vertex on the ground.
+//
+// Texels between the charts of the atlas take the colour of the nearest chart, because players
+// average texels where the person is small.
+//
+// InputError where there is no texture.
+// texture: Coarse or Baked; Best is the baked one where there is one.
+GltfScene avatarScene(const Avatar& avatar, std::span<const float> bindVerts, const Motion* motion,
+                      TextureKind texture = TextureKind::Best);
+
+// Writes it to `out`, *.glb, which appears whole or not at all. motion may be null. InputError
+// where there is no texture, and where the mesh network's vertices are not finite.
+void exportAvatar(Device& device, const Avatar& avatar, const std::filesystem::path& out,
+                  const Motion* motion, TextureKind texture = TextureKind::Best);
+
+}  // namespace doppel

@@ -1,0 +1,107 @@
+// The method's networks as an avatar's preset sizes them.
+#pragma once
+
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "nn/steps/mesh_step.h"
+#include "nn/steps/refine_step.h"
+#include "nn/steps/texture_step.h"
+#include "trainer/avatar/avatar.h"
+
+namespace doppel {
+
+// ---- stage 1 ------------------------------------------------------------------------------------
+
+void declareMeshNet(Parameters& parameters, const Avatar& avatar, uint64_t seed);
+
+MeshNetConfig meshNetConfig(const MeshPreset& preset);
+ClampBounds clampsOf(const MeshPreset& preset);
+MeshNetwork meshNetwork(Graph& graph, const Avatar& avatar, const Parameters& parameters);
+
+// ---- stage 2 ------------------------------------------------------------------------------------
+
+// G_TN: visibility maps in, textures [size,size,3] in [0,1] out.
+class TextureNet {
+public:
+    // With fresh weights, and with an avatar's.
+    TextureNet(Device& device, const TexturePreset& preset, uint64_t seed);
+    TextureNet(Device& device, const TexturePreset& preset, const WeightMap& weights);
+
+    // maps [size,size] of a batch; none: a map of ones, which paints all sides at once. One texture
+    // per map.
+    std::vector<Tensor> forward(Graph& graph, const std::vector<Tensor>& maps, bool training) const;
+
+    const TextureUnet& unet() const { return unet_; }
+    Parameters& parameters() { return unet_.parameters(); }
+    Parameters& state() { return unet_.statistics(); }
+    WeightMap weights() const;
+
+private:
+    TexturePreset preset_;
+    TextureUnet unet_;
+};
+
+// What the network paints for all sides, [size,size,3].
+std::vector<float> paintedTexture(Device& device, const TextureNet& net);
+// Lets the network paint avatar.texture for all sides.
+void paintTexture(Device& device, Avatar& avatar);
+
+// ---- stage 3 ------------------------------------------------------------------------------------
+
+RefineConfig refineConfig(const Preset& preset);
+
+// G_RN as an avatar has it.
+class RefineNet {
+public:
+    RefineNet(Device& device, const Avatar& avatar);
+
+    // The refined texture [size,size,3] for a visibility map [size,size]; the coarse one is what
+    // `coarse` paints for the map, or `constant` where that is not empty.
+    Tensor forward(Graph& graph, const TextureNet& coarse, std::span<const float> constant,
+                   const Tensor& map) const;
+
+private:
+    TextureUnet unet_;
+    Residual residual_;
+};
+
+// Values and running statistics.
+WeightMap weightsOf(const TextureUnet& unet);
+
+// ---- what the stages share ----------------------------------------------------------------------
+
+AdamWOptions adamwOptions(double beta1, double beta2, double weightDecay);
+// Of step i, counting from 0.
+StepParams stepParams(int64_t i, uint64_t seed, double rate, const AdamWOptions& options);
+
+// Sizes and numbers of a stage, for checkpoints of it: the body's, and the preset's.
+std::map<std::string, std::string> stageIdentity(const Avatar& avatar, const std::string& stage);
+
+// An output of one number, of the newest replay or of the one before (back = 1). MachineError
+// naming stage and step where it is not finite.
+double readLoss(Graph& graph, const Tensor& loss, const char* stage, int64_t step, int back = 0);
+
+// Memory before the first step, and time per op, on stdout.
+void printPlan(const char* stage, const Graph& graph, const Parameters& parameters);
+void printProfile(const char* stage, Graph& graph);
+
+// True every so many seconds; never for 0.
+class PictureClock {
+public:
+    explicit PictureClock(double seconds);
+    bool due();
+
+private:
+    double seconds_;
+    double last_;
+};
+
+// What a run is at, for whoever looks: OUT/progress.png, a few frames with the avatar in its
+// present state over them, and that avatar itself in liveFolder(OUT).
+void writeState(Device& device, const Avatar& avatar, const Capture& capture, FrameCache& frames,
+                const std::filesystem::path& out);
+
+}  // namespace doppel

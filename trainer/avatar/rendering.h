@@ -1,0 +1,49 @@
+// Avatars in motion: cameras, backgrounds, films.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "trainer/avatar/avatar.h"
+#include "trainer/data/capture.h"
+
+namespace doppel {
+
+// One picture to draw: a pose in camera space and the camera.
+struct Shot {
+    Theta theta;
+    Trans trans;
+    Camera camera;
+};
+
+// A standing pose with the arms away from the body, in front of a camera that sees all of it.
+Shot restShot(Device& device, const Avatar& avatar, int size);
+
+// The same with the camera having gone around the body by so many turns.
+Shot turned(const Shot& shot, double turns);
+
+// The motion in a camera's space, y down: poses without cameras that were made with y or z up are
+// turned about the world's origin (see uprightRotation), the others stay to the last bit. The
+// person need not be in front of the camera.
+Motion inCameraSpace(Motion motion);
+
+// A motion through its own cameras; its poses are shown by the avatar's body as they are.
+// InputError where it has none.
+std::vector<Shot> throughOwnCameras(const Motion& motion);
+
+// Draws shots into FILE.mp4 or into a folder of PNGs (0000.png, …), which appear when all is done.
+// background: per shot, [H,W,3] in [0,1]. Calls interrupted() between pictures.
+//
+// Returns how much consecutive pictures differ: the mean |difference| in 8-bit units over all
+// pixels and pairs of one size; 0 for a pose held still, since nothing in an avatar is random.
+double renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>& shots,
+                   const std::function<std::vector<float>(size_t)>& background,
+                   const std::filesystem::path& out, double fps, const std::string& what,
+                   TextureKind texture = TextureKind::Best);
+
+// A picture of one colour, "#rrggbb".
+std::vector<float> plainBackground(const std::string& colour, const Camera& camera);
+
+}  // namespace doppel

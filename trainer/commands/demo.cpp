@@ -1,0 +1,166 @@
+// The whole job on a person who comes with the program: capture, fit, train, render, export, eval.
+#include <chrono>
+#include <fstream>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <numeric>
+
+#include "engine/atomic_file.h"
+#include "trainer/avatar/export.h"
+#include "trainer/avatar/rendering.h"
+#include "trainer/commands/commands.h"
+#include "trainer/data/background.h"
+#include "trainer/data/output_folder.h"
+#include "trainer/data/progress.h"
+#include "trainer/data/sheet.h"
+#include "trainer/data/synthetic.h"
+#include "trainer/eval/evaluate.h"
+#include "trainer/stages/train.h"
+
+namespace doppel {
+
+namespace {
+
+constexpr int kSize = 256, kTurnFrames = 24, kMotionFrames = 8, kFilmSize = 384;
+
+double mean(const std::vector<double>& values) {
+    return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+}
+
+// Per row: frame, silhouette before and after, render, error.
+void writeContactSheet(Device& device, const Avatar& avatar, const Capture& asGiven,
+                       const Capture& fitted, const std::filesystem::path& path) {
+    FrameCache frames(fitted);
+    BackgroundPlate plate(fitted, frames);
+    BodyPoser poser(device, avatar.body);
+    MeshDrawer drawer(device, avatar.body);
+    AvatarRenderer renderer(device, avatar);
+    std::vector<std::vector<Image>> rows;
+    size_t step = std::max<size_t>(1, fitted.size() / 6);
+    for (size_t i = 0; i < fitted.size(); i += step) {
+        const Camera& camera = fitted.frames[i].camera;
+        int w = camera.width, h = camera.height;
+        auto picture = frames.load(i);
+        std::vector<float> frame(picture->rgb.begin(), picture->rgb.end());
+        for (float& value : frame) value /= 255.0f;
+        PosedMesh before = poser.pose(asGiven.theta[i], asGiven.trans[i], asGiven.betas);
+        Drawing after = renderer.draw(fitted.theta[i], fitted.trans[i], camera, 2);
+        std::vector<float> render = composite(after.rgb, after.mask, plate.behind(*picture));
+        rows.push_back({toImage(frame, w, h),
+                        compareMasks(picture->mask, drawer.mask(before.verts, camera), w, h),
+                        compareMasks(picture->mask, after.mask, w, h), toImage(render, w, h),
+                        differenceImage(frame, render, w, h, 4)});
+    }
+    writeImage(path, contactSheet(rows));
+}
+
+}  // namespace
+
+void runDemo(const DemoOptions& options) {
+    auto start = std::chrono::steady_clock::now();
+    auto seconds = [&] {
+        return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    };
+    std::filesystem::path out = options.out;
+    createFolders(out);
+    Device device(options.common.deviceOptions());
+    fmt::print(stderr, "demo on {}\n", device.info().name);
+
+    // A recording of the actor, every fourth frame held out.
+    Actor actor = readActor(assetFolder() / "actor", options.actor);
+    SyntheticOptions synthetic;
+    synthetic.size = kSize;
+    synthetic.seed = options.common.seed;
+    Capture capture =
+        renderActor(device, actor, actorSession(kTurnFrames, kMotionFrames, kActorDistance),
+                    out / "capture", synthetic);
+    std::vector<size_t> seen, heldOut;
+    for (size_t i = 0; i < capture.size(); ++i) (i % 4 == 3 ? heldOut : seen).push_back(i);
+    double captureSeconds = seconds();
+
+    Avatar avatar;
+    avatar.bodyArrays = readBodyArrays("default");
+    avatar.body = bodyFromNpz(avatar.bodyArrays);
+    avatar.preset = options.preset;
+    avatar.provenance["capture"] = capture.name;
+    avatar.provenance["command"] = options.common.commandLine;
+    avatar.provenance["seed"] = fmt::format("{}", options.common.seed);
+    TrainSettings settings;
+    settings.out = out / "avatar";
+    settings.seed = options.common.seed;
+    settings.stages = {"fit", "mesh", "texture", "refine"};
+    settings.pictureSeconds = 0;
+    TrainResult trained = trainAvatar(device, std::move(avatar), capture.subset(seen), settings);
+    const Avatar& person = trained.avatar;
+    double trainSeconds = seconds() - captureSeconds;
+
+    // Held-out frames: as their tracker saw them, fitted with the shape that training found, and
+    // with the refined mesh.
+    Capture test = capture.subset(heldOut), testFitted = test;
+    testFitted.betas = person.betas;
+    FitResult testFit = fitCapture(
+        device, person.body, testFitted,
+        {.preset = person.preset.fit, .fitShape = false, .loop = {.seed = options.common.seed}});
+    FrameCache testFrames(test);
+    double iouGiven = mean(silhouetteIous(device, person.body, test, testFrames));
+    std::vector<FrameMetrics> metrics = evaluateAvatar(device, person, testFitted);
+    Capture unfitted = test;
+    unfitted.betas = person.betas;
+    FrameMetrics result = meanMetrics(metrics),
+                 unfittedResult = meanMetrics(evaluateAvatar(device, person, unfitted));
+
+    // Films, model, sheet.
+    Shot rest = restShot(device, person, kFilmSize);
+    std::vector<Shot> turn, dance;
+    for (int i = 0; i < 72; ++i) turn.push_back(turned(rest, i / 72.0));
+    Motion greetings{"", "greeting", 24, {}, {}, {}, {}};
+    Trans stage = rest.trans;
+    stage[1] *= 0.8f;  // further away, with room for raised hands
+    stage[2] *= 1.25f;
+    for (const MotionFrame& frame : greeting(72, stage[2])) {
+        dance.push_back({frame.theta, stage, rest.camera});
+        greetings.theta.push_back(frame.theta);
+        greetings.trans.push_back(stage);
+    }
+    auto grey = [&](size_t) { return plainBackground("#9aa4ad", rest.camera); };
+    renderShots(device, person, turn, grey, out / "turntable.mp4", 24, "turntable");
+    renderShots(device, person, dance, grey, out / "reenact.mp4", 24, "reenact");
+    exportAvatar(device, person, out / "avatar.glb", &greetings);
+    writeContactSheet(device, person, test, testFitted, out / "contact.png");
+
+    std::string json =
+        metricsJson(metrics,
+                    {{"capture", "synthetic actor, held-out frames"},
+                     {"preset", person.preset.name},
+                     {"seed", fmt::format("{}", options.common.seed)},
+                     {"fit_test_poses", "true"},
+                     {"iou_as_given", fmt::format("{:.4f}", iouGiven)},
+                     {"iou_after_fit", fmt::format("{:.4f}", testFit.iouAfter)},
+                     {"iou_after_mesh", fmt::format("{:.4f}", result.iou)},
+                     {"iou_without_test_fit", fmt::format("{:.4f}", unfittedResult.iou)},
+                     {"psnr_body_without_test_fit", fmt::format("{:.3f}", unfittedResult.psnrBody)},
+                     {"seconds", fmt::format("{:.1f}", seconds())},
+                     {"device", device.info().name}},
+                    true);
+    AtomicFile file(out / "metrics.json");
+    file.write(json + "\n");
+    file.commit();
+    if (options.common.json) {
+        std::cout << json << "\n";
+        return;
+    }
+    fmt::print("{} frames seen, {} held out; {:.0f} s in all, {:.0f} s of them training\n",
+               seen.size(), heldOut.size(), seconds(), trainSeconds);
+    fmt::print("held-out frames            IoU\n");
+    fmt::print("  poses as given          {:.3f}\n", iouGiven);
+    fmt::print("  after fit               {:.3f}\n", testFit.iouAfter);
+    fmt::print("  after mesh refinement   {:.3f}\n", result.iou);
+    fmt::print("  PSNR of the body        {:.2f} dB, SSIM of the frame {:.3f}\n", result.psnrBody,
+               result.ssimFrame);
+    fmt::print(
+        "in {}: avatar/, avatar.glb, turntable.mp4, reenact.mp4, contact.png, "
+        "metrics.json\n",
+        out.string());
+}
+
+}  // namespace doppel

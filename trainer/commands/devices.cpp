@@ -1,0 +1,83 @@
+#include <fmt/format.h>
+
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "engine/device.h"
+#include "engine/error.h"
+#include "trainer/commands/commands.h"
+
+namespace doppel {
+
+namespace {
+
+std::string bytesText(uint64_t bytes) {
+    const double gib = double(bytes) / double(uint64_t{1} << 30);
+    return gib >= 1 ? fmt::format("{:.1f} GiB", gib) : fmt::format("{} MiB", bytes >> 20);
+}
+
+std::string sentence(const DeviceInfo& info) {
+    std::string text;
+    for (const std::string& refusal : info.refusals) text += (text.empty() ? "" : "; ") + refusal;
+    return text;
+}
+
+// What --precision mixed multiplies with.
+std::string matricesText(const DeviceInfo& info) {
+    if (!info.halfMatrices) return "none";
+    const MatrixShape& shape = *info.halfMatrices;
+    return fmt::format("{}x{}x{}", shape.m, shape.n, shape.k);
+}
+
+}  // namespace
+
+void runDevices(const DevicesOptions& options) {
+    const std::vector<DeviceInfo> devices = Device::list();
+    // The one that a run without --device takes, and that --device asks for.
+    const DeviceInfo* best = nullptr;
+    for (const DeviceInfo& info : devices) {
+        if (info.refusals.empty() && (best == nullptr || info.score > best->score)) best = &info;
+    }
+    if (options.common.json) {
+        nlohmann::ordered_json list = nlohmann::ordered_json::array();
+        for (const DeviceInfo& info : devices) {
+            list.push_back({{"index", info.index},
+                            {"name", info.name},
+                            {"type", info.type},
+                            {"driver", info.driver},
+                            {"api", info.apiVersion},
+                            {"memory_bytes", info.memoryBytes},
+                            {"max_allocation_bytes", info.maxAllocationBytes},
+                            {"max_storage_buffer_bytes", info.maxStorageBufferBytes},
+                            {"max_push_constant_bytes", info.maxPushConstantBytes},
+                            {"subgroup_size", info.subgroupSize},
+                            {"buffer_addresses", info.addresses},
+                            {"timestamps", info.timestamps},
+                            {"half_matrices", matricesText(info)},
+                            {"refusals", info.refusals},
+                            {"chosen", &info == best}});
+        }
+        std::cout << nlohmann::ordered_json{{"devices", list}}.dump(2) << "\n";
+    } else {
+        for (const DeviceInfo& info : devices) {
+            fmt::print("{} {}{}\n", info.index, info.name,
+                       &info == best ? "  (taken without --device)" : "");
+            fmt::print("    {}, driver {}, Vulkan {}\n", info.type, info.driver, info.apiVersion);
+            fmt::print("    memory {}, allocation up to {}, storage buffer up to {}\n",
+                       bytesText(info.memoryBytes), bytesText(info.maxAllocationBytes),
+                       bytesText(info.maxStorageBufferBytes));
+            fmt::print(
+                "    push constants {} bytes, subgroups of {}, buffer addresses {}, "
+                "timestamps {}, matrix units {}\n",
+                info.maxPushConstantBytes, info.subgroupSize, info.addresses ? "yes" : "no",
+                info.timestamps ? "yes" : "no", matricesText(info));
+            if (!info.refusals.empty()) fmt::print("    refused: {}\n", sentence(info));
+        }
+    }
+    if (devices.empty()) {
+        throwMachine("no Vulkan device; `. build/env.sh` brings lavapipe, the software one");
+    }
+    if (best == nullptr) throwMachine("none of the Vulkan devices can be used");
+}
+
+}  // namespace doppel

@@ -1,0 +1,124 @@
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "trainer/commands/commands.h"
+#include "trainer/eval/measures.h"
+#include "trainer/eval/results.h"
+#include "trainer/stages/fit.h"
+
+namespace doppel {
+
+namespace {
+
+// One capture's frames through one avatar.
+Evaluation evaluateOne(Device& device, const std::filesystem::path& avatarFolder,
+                       const std::filesystem::path& captureFolder, const EvalOptions& options,
+                       const Measures& measures, const std::filesystem::path& pictures,
+                       Settings* settings) {
+    Avatar avatar = readAvatar(avatarFolder);
+    TextureKind texture = textureKind(options.texture);
+    requireTexture(avatar, texture, avatarFolder);
+    const Capture whole = readCapture(captureFolder);
+    Capture capture = whole.subset(selectFrames(options.frames, whole.size()));
+    capture.requireMasks();
+    if (settings) settings->insert(settings->end(), {{"preset", avatar.preset.name}});
+    if (options.fitTestPoses) {
+        capture.betas = avatar.betas;
+        FitResult fit = fitCapture(device, avatar.body, capture,
+                                   {.preset = avatar.preset.fit,
+                                    .fitShape = false,
+                                    .loop = {.seed = options.common.seed}});
+        if (settings) {
+            settings->emplace_back("body_iou_before_fit", fmt::format("{:.4f}", fit.iouBefore));
+            settings->emplace_back("body_iou_after_fit", fmt::format("{:.4f}", fit.iouAfter));
+        }
+    }
+    EvaluateSettings evaluate;
+    evaluate.pictures = pictures;
+    evaluate.texture = texture;
+    evaluate.background = options.scene;
+    // The plate is of all frames: more of them show what is behind the person.
+    evaluate.plateOf = whole.hasMasks() ? &whole : nullptr;
+    evaluate.lpips = measures.lpips.get();
+    evaluate.videoFeatures = measures.videoFeatures.get();
+    return evaluateCapture(device, avatar, capture, evaluate);
+}
+
+void printOne(const Evaluation& evaluation, const EvalOptions& options, const Measures& measures) {
+    FrameMetrics mean = meanMetrics(evaluation.frames);
+    fmt::print("{} frames, poses {}\n", evaluation.frames.size(),
+               options.fitTestPoses ? "fitted to their masks" : "as given");
+    fmt::print("  silhouette IoU  {:.3f}\n", mean.iou);
+    fmt::print("  PSNR            {:.2f} dB over the body, {:.2f} dB over the frame\n",
+               mean.psnrBody, mean.psnrFrame);
+    fmt::print("  SSIM            {:.3f} over the body, {:.3f} over the frame\n", mean.ssimBody,
+               mean.ssimFrame);
+    fmt::print("  MSE             {:.1f} over the frame (8-bit units)\n", mean.mseFrame);
+    if (mean.lpips)
+        fmt::print("  LPIPS           {:.3f} ({})\n", *mean.lpips,
+                   lpipsNetName(measures.lpips->net()));
+    if (auto fvd = videoDistance(evaluation.realClips, evaluation.renderedClips))
+        fmt::print("  FVD             {:.2f} from {} clips\n", *fvd, evaluation.realClips.size());
+    fmt::print(
+        "  change          {:.3f} from frame to frame, {:.3f} in the frames; {:.3f} with the "
+        "pose held still\n",
+        evaluation.change, evaluation.changeOfFrames, evaluation.changeHeldStill);
+    for (const std::string& remark : measures.remarks(evaluation.realClips.size()))
+        fmt::print("  {}\n", remark);
+}
+
+}  // namespace
+
+void runEval(const EvalOptions& options) {
+    const std::vector<CollectionEntry> entries = findCaptures(options.capture);
+    const bool collection = entries.size() > 1 || entries[0].folder != options.capture;
+    for (const CollectionEntry& entry : entries) avatarOf(options.avatar, entry.actor);
+    Device device(options.common.deviceOptions());
+    Measures measures(device, options.measures);
+    Settings settings{
+        {"avatar", options.avatar.string()},
+        {"capture", options.capture.string()},
+        {"frames", options.frames.empty() ? "all" : options.frames},
+        {"fit_test_poses", options.fitTestPoses ? "true" : "false"},
+        {"seed", fmt::format("{}", options.common.seed)},
+        {"scene", options.scene},
+        {"lpips_net", options.measures.lpips.empty() ? "" : options.measures.lpipsNet},
+        {"device", device.info().name}};
+    std::vector<EvaluatedCapture> evaluated;
+    for (const CollectionEntry& entry : entries) {
+        if (collection)
+            fmt::print(stderr, "{} of {}: {}, {}\n", evaluated.size() + 1, entries.size(),
+                       entry.actor, entry.motion);
+        std::filesystem::path pictures = options.pictures;
+        if (collection && !pictures.empty()) pictures = pictures / entry.actor / entry.motion;
+        evaluated.push_back(
+            {entry, evaluateOne(device, avatarOf(options.avatar, entry.actor), entry.folder,
+                                options, measures, pictures, collection ? nullptr : &settings)});
+    }
+    const std::vector<ResultRow> rows = groupResults(evaluated);
+    size_t clips = 0;
+    for (const EvaluatedCapture& capture : evaluated) clips += capture.evaluation.realClips.size();
+    const std::vector<std::string> remarks = measures.remarks(clips);
+    if (!options.out.empty()) writeResults(options.out, "results", rows, settings, remarks);
+    if (collection) {
+        if (options.common.json)
+            std::cout << resultsJson(rows, settings, remarks) << "\n";
+        else
+            std::cout << resultsMarkdown(rows, remarks);
+        return;
+    }
+    const Evaluation& one = evaluated[0].evaluation;
+    if (!options.common.json) {
+        printOne(one, options, measures);
+        return;
+    }
+    for (const std::string& remark : remarks) settings.emplace_back("remark", remark);
+    std::cout << metricsJson(one.frames, settings, true,
+                             {{"fvd", videoDistance(one.realClips, one.renderedClips)},
+                              {"change", one.change},
+                              {"change_of_frames", one.changeOfFrames},
+                              {"change_held_still", one.changeHeldStill}})
+              << "\n";
+}
+
+}  // namespace doppel

@@ -1,0 +1,88 @@
+#include <algorithm>
+#include <iostream>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "trainer/avatar/rendering.h"
+#include "trainer/commands/commands.h"
+#include "trainer/data/background.h"
+#include "trainer/motion/smooth.h"
+
+namespace doppel {
+
+namespace {
+
+// The same view with `size` pixels on the longer side.
+Camera scaled(Camera camera, int size) {
+    if (size == 0) return camera;
+    double scale = static_cast<double>(size) / std::max(camera.width, camera.height);
+    camera.width = std::max(1, static_cast<int>(camera.width * scale + 0.5));
+    camera.height = std::max(1, static_cast<int>(camera.height * scale + 0.5));
+    camera.fx *= scale, camera.fy *= scale, camera.cx *= scale, camera.cy *= scale;
+    return camera;
+}
+
+}  // namespace
+
+void runRender(const RenderOptions& options) {
+    Avatar avatar = readAvatar(options.avatar);
+    TextureKind texture = textureKind(options.texture);
+    requireTexture(avatar, texture, options.avatar);
+    Motion motion = readMotion(options.motion);
+    std::vector<size_t> chosen = selectFrames(options.frames, motion.size());
+    // Smoothed whole, so that a part of a motion moves as it does in the whole.
+    motion = smoothed(std::move(motion), options.smooth).subset(chosen);
+    Device device(options.common.deviceOptions());
+
+    std::vector<Shot> shots;
+    if (options.camera == "capture") {
+        shots = throughOwnCameras(motion);
+    } else if (options.camera == "turntable") {
+        // The motion goes on, on the spot, while the camera goes round.
+        Shot shot = restShot(device, avatar, options.size > 0 ? options.size : 512);
+        motion = inCameraSpace(std::move(motion));
+        for (size_t i = 0; i < motion.size(); ++i) {
+            shot.theta = motion.theta[i];
+            shots.push_back(
+                turned(shot, static_cast<double>(i) / static_cast<double>(motion.size())));
+        }
+    } else {
+        shots = throughOwnCameras(
+            throughCameras(readMotion(options.motion), options.camera).subset(chosen));
+    }
+    for (Shot& shot : shots) shot.camera = scaled(shot.camera, options.size);
+
+    std::function<std::vector<float>(size_t)> background = [&](size_t i) {
+        return plainBackground(options.background, shots[i].camera);
+    };
+    std::optional<Capture> capture;
+    std::unique_ptr<FrameCache> frames;
+    std::unique_ptr<BackgroundPlate> plate;
+    if (options.background == "capture") {
+        bool ownCameras = options.camera == "capture" && options.size == 0;
+        bool pictures = std::filesystem::is_directory(options.motion / "images");
+        if (!ownCameras || !pictures) {
+            background = [&](size_t i) { return plainBackground("#7f7f7f", shots[i].camera); };
+        } else {
+            // The plate is of all frames: more of them show what is behind the person.
+            capture = readCapture(options.motion);
+            frames = std::make_unique<FrameCache>(*capture);
+            plate = std::make_unique<BackgroundPlate>(*capture, *frames);
+            background = [&](size_t i) { return plate->behind(*frames->load(chosen[i])); };
+        }
+    }
+    double fps = options.fps > 0 ? options.fps : motion.fps > 0 ? motion.fps : 25;
+    double change =
+        renderShots(device, avatar, shots, background, options.out, fps, "render", texture);
+    if (options.common.json)
+        std::cout << nlohmann::ordered_json{{"frames", shots.size()},
+                                            {"out", options.out.string()},
+                                            {"mean_change", change}}
+                         .dump(2)
+                  << "\n";
+    else
+        fmt::print("{} frames in {}; consecutive pictures differ by {:.2f} (8-bit units)\n",
+                   shots.size(), options.out.string(), change);
+}
+
+}  // namespace doppel

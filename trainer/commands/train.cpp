@@ -1,0 +1,122 @@
+#include <spawn.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstring>
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "trainer/avatar/checkpoint.h"
+#include "trainer/commands/commands.h"
+#include "trainer/stages/train.h"
+
+namespace doppel {
+
+namespace {
+
+// A process of its own, so that whatever happens to the window leaves the run alone; and a process
+// group of its own, so that Ctrl-C stops the run and not the window.
+void openViewer(const TrainOptions& options) {
+    std::string program = std::filesystem::read_symlink("/proc/self/exe").string();
+    std::vector<std::string> words{program, "view", options.out.string(), "--motion",
+                                   options.capture.string()};
+    if (!options.common.device.empty())
+        words.insert(words.end(), {"--device", options.common.device});
+    std::vector<char*> arguments;
+    for (std::string& word : words) arguments.push_back(word.data());
+    arguments.push_back(nullptr);
+    posix_spawnattr_t attributes;
+    posix_spawnattr_init(&attributes);
+    posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
+    pid_t child = 0;
+    int error =
+        posix_spawn(&child, program.c_str(), nullptr, &attributes, arguments.data(), environ);
+    posix_spawnattr_destroy(&attributes);
+    if (error != 0) throwMachine("--view: the viewer cannot be started: {}", strerror(error));
+}
+
+}  // namespace
+
+void runTrain(const TrainOptions& options) {
+    Capture capture = readCapture(options.capture);
+    capture = capture.subset(selectFrames(options.frames, capture.size()));
+    capture.requireMasks();
+
+    std::optional<RunRecord> unfinished;
+    if (!options.restart && options.profileSteps == 0) unfinished = readRunRecord(options.out);
+    if (options.resume && !unfinished)
+        throwInput(
+            "{}: expected an unfinished run to go on with, found none; without --resume a "
+            "new one starts",
+            options.out.string());
+    auto trains = [&](const char* stage) { return std::ranges::count(options.stages, stage) > 0; };
+
+    // Stages build on what is there: training the texture alone takes the avatar's own body and
+    // mesh. A run of all stages needs nothing of it, and replaces it whatever it is.
+    Avatar avatar;
+    bool exists = std::filesystem::exists(options.out / "avatar.toml");
+    bool all = trains("fit") && trains("mesh") && trains("texture");
+    if ((exists && !all) || (unfinished && !unfinished->done.empty()))
+        avatar = readAvatar(options.out);
+    else
+        avatar.betas = capture.betas;
+    if (!exists || trains("fit")) {
+        BodyModel before = std::move(avatar.body);
+        avatar.bodyArrays = readBodyArrays(options.body);
+        avatar.body = bodyFromNpz(avatar.bodyArrays);
+        if (before.templateVertices != avatar.body.templateVertices ||
+            before.faces != avatar.body.faces) {  // networks of another body are of no use
+            avatar.meshNet.clear();
+            avatar.textureNet.clear();
+            avatar.texture.clear();
+            avatar.clearRefinement();
+        }
+    }
+    // Numbers of stages that are left alone stay with their networks.
+    Preset before = avatar.preset;
+    avatar.preset = options.preset;
+    if (!options.gan) avatar.preset.refine.imageDiscriminator = false;
+    if (!options.gan || !options.face) avatar.preset.refine.faceDiscriminator = false;
+    if (!options.clamp) avatar.preset.mesh.clamps = "none";
+    if (!avatar.meshNet.empty() && !trains("mesh")) avatar.preset.mesh = before.mesh;
+    if (!avatar.textureNet.empty() && !trains("texture")) avatar.preset.texture = before.texture;
+    if (!avatar.refineNet.empty() && !trains("refine")) avatar.preset.refine = before.refine;
+    avatar.provenance["capture"] = capture.name;
+    avatar.provenance["command"] = options.common.commandLine;
+    avatar.provenance["precision"] = options.common.precision;
+    avatar.provenance["seed"] = fmt::format("{}", options.common.seed);
+
+    Device device(options.common.deviceOptions());
+    TrainSettings settings;
+    settings.stages = options.stages;
+    settings.out = options.out;
+    settings.seed = options.common.seed;
+    settings.resume = unfinished.has_value();
+    settings.checkpointSeconds = options.checkpointSeconds;
+    settings.pictureSeconds = options.pictureSeconds;
+    settings.memoryBudget = options.memoryBudget;
+    settings.profileSteps = options.profileSteps;
+    if (options.view) {
+        constexpr double kSeconds = 8;  // between the states that the window shows
+        if (settings.pictureSeconds <= 0 || settings.pictureSeconds > kSeconds)
+            settings.pictureSeconds = kSeconds;
+        settings.opened = [&] { openViewer(options); };
+    }
+    TrainResult result = trainAvatar(device, std::move(avatar), std::move(capture), settings);
+    if (settings.profileSteps > 0) return;
+    if (options.common.json) {
+        nlohmann::ordered_json json{{"avatar", options.out.string()}};
+        if (result.fit) {
+            json["iou_before"] = result.fit->iouBefore;
+            json["iou_after"] = result.fit->iouAfter;
+        }
+        std::cout << json.dump(2) << "\n";
+        return;
+    }
+    if (result.fit)
+        fmt::print("silhouette IoU {:.3f} as given, {:.3f} fitted\n", result.fit->iouBefore,
+                   result.fit->iouAfter);
+    fmt::print("avatar in {}\n", options.out.string());
+}
+
+}  // namespace doppel

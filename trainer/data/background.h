@@ -1,0 +1,37 @@
+// The scene without the person, to put a render where the person was.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "trainer/data/capture.h"
+
+namespace doppel {
+
+// The median over time of what the masks leave uncovered; what no frame shows is filled in from
+// around it. All frames of the capture have to have the same size and a mask (InputError).
+class BackgroundPlate {
+public:
+    BackgroundPlate(const Capture& capture, FrameCache& frames);
+
+    int width() const { return width_; }
+    int height() const { return height_; }
+    // [H,W,3] sRGB-encoded in [0,1].
+    const std::vector<float>& plate() const { return plate_; }
+    // This frame's own pixels away from the person, the plate's on and next to the person.
+    std::vector<float> behind(const Picture& picture) const;
+
+private:
+    int width_ = 0, height_ = 0;
+    std::vector<float> plate_;
+};
+
+// result = rgb + (1 - mask / 255) * background: rgb is already weighted by coverage.
+std::vector<float> composite(const std::vector<float>& rgb, const std::vector<uint8_t>& mask,
+                             const std::vector<float>& background);
+
+// Grows a mask by `radius` pixels (a square).
+std::vector<uint8_t> dilateMask(const std::vector<uint8_t>& mask, int width, int height,
+                                int radius);
+
+}  // namespace doppel

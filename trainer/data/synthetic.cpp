@@ -1,0 +1,142 @@
+#include "trainer/data/synthetic.h"
+
+#include <cmath>
+#include <cstdlib>
+#include <future>
+#include <glm/gtc/quaternion.hpp>
+
+#include "engine/io/image.h"
+#include "engine/npz.h"
+#include "trainer/data/body_render.h"
+
+namespace doppel {
+
+namespace {
+
+// Uniform in [0,1), the same on every machine for the same seed and number.
+double uniform(uint64_t seed, uint64_t number) {
+    uint64_t x = seed * 0x9e3779b97f4a7c15u + number * 0xbf58476d1ce4e5b9u;
+    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;  // SplitMix64's finaliser
+    x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
+    return static_cast<double>((x ^ (x >> 31)) >> 11) * 0x1p-53;
+}
+
+glm::dvec3 randomDirection(uint64_t seed, uint64_t number) {
+    double z = 2 * uniform(seed, 2 * number) - 1, phi = 6.283185307 * uniform(seed, 2 * number + 1);
+    double r = std::sqrt(1 - z * z);
+    return {r * std::cos(phi), r * std::sin(phi), z};
+}
+
+// A pose as a tracker would see it: every joint turned by `degrees`, the body moved by `metres`.
+void disturb(Theta& theta, Trans& trans, double degrees, double metres, uint64_t seed) {
+    for (size_t joint = 0; joint < 24; ++joint) {
+        glm::dvec3 v(theta[3 * joint], theta[3 * joint + 1], theta[3 * joint + 2]);
+        double angle = glm::length(v);
+        glm::dquat q = angle > 0 ? glm::angleAxis(angle, v / angle) : glm::dquat(1, 0, 0, 0);
+        q = q * glm::angleAxis(glm::radians(degrees), randomDirection(seed, joint));
+        if (q.w < 0) q = -q;  // glm::angle() loses the digits of angles near a full turn
+        glm::dvec3 turned = glm::axis(q) * glm::angle(q);
+        for (int k = 0; k < 3; ++k)
+            theta[3 * joint + static_cast<size_t>(k)] = static_cast<float>(turned[k]);
+    }
+    glm::dvec3 shift = metres * randomDirection(seed, 24);
+    for (int k = 0; k < 3; ++k) trans[static_cast<size_t>(k)] += static_cast<float>(shift[k]);
+}
+
+// A grey-blue wall that darkens to the corners, over a floor.
+std::array<float, 3> studioColour(double u, double v) {
+    double dx = u - 0.5, dy = v - 0.45;
+    double fade = 1 - 0.55 * (dx * dx + dy * dy);
+    if (v > 0.93) return {float(.46 * fade), float(.44 * fade), float(.42 * fade)};
+    return {float(.62 * fade), float(.66 * fade), float(.70 * fade)};
+}
+
+}  // namespace
+
+std::filesystem::path assetFolder() {
+    if (const char* set = std::getenv("DOPPEL_ASSETS")) return set;
+    return DOPPEL_ASSET_DIR;
+}
+
+Camera syntheticCamera(int size) {
+    // A person of 1.8 m with raised arms fills most of the picture at kActorDistance.
+    double f = 1.45 * size;
+    return {f, f, size / 2.0, size / 2.0, size, size};
+}
+
+Actor readActor(const std::filesystem::path& folder, const std::string& name) {
+    std::filesystem::path file = folder / (name + ".npz"), picture = folder / (name + ".png");
+    Npz arrays = readNpz(file);
+    if (!arrays.has("shapedirs")) {  // an actor has one shape, its own
+        int64_t vertices = arrays.at("v_template").requireShape({-1, 3}).shape[0];
+        std::vector<float> zeros(static_cast<size_t>(vertices) * 30);
+        arrays.set("shapedirs", Array::f32({vertices, 3, 10}, zeros));
+    }
+    Actor actor{bodyFromNpz(arrays), {}, 0};
+    Image image = readImage(picture, 3);
+    if (image.width != image.height)
+        throwInput("{}: expected a square texture, found {}×{}", picture.string(), image.width,
+                   image.height);
+    actor.textureSize = image.width;
+    for (uint8_t byte : image.data) actor.texture.push_back(static_cast<float>(byte) / 255.0f);
+    return actor;
+}
+
+Capture renderActor(Device& device, const Actor& actor, const std::vector<MotionFrame>& motion,
+                    const std::filesystem::path& out, const SyntheticOptions& options) {
+    BodyPoser poser(device, actor.body);
+    MeshDrawer drawer(device, actor.body);
+    CaptureWriter writer(out);
+    Capture capture;
+    capture.name = "synthetic actor";
+    capture.source["made_by"] = "doppel demo: a synthetic actor, rendered";
+    Camera camera = syntheticCamera(options.size);
+    std::vector<Theta> trueTheta;
+    std::vector<Trans> trueTrans;
+    const int size = options.size;
+    auto nameOf = [&](size_t i) { return fmt::format("{:04}_{}", i, motion[i].motion); };
+    auto keep = [&](size_t i, const Drawing& drawing) {
+        std::vector<uint8_t> rgb, mask;
+        for (int y = 0; y < size; ++y)
+            for (int x = 0; x < size; ++x) {
+                size_t pixel =
+                    static_cast<size_t>(y) * static_cast<size_t>(size) + static_cast<size_t>(x);
+                float share = static_cast<float>(drawing.mask[pixel]) / 255.0f;
+                auto wall = studioColour((x + 0.5) / size, (y + 0.5) / size);
+                for (size_t c = 0; c < 3; ++c) {
+                    float value = drawing.rgb[3 * pixel + c] + (1 - share) * wall[c];
+                    rgb.push_back(
+                        static_cast<uint8_t>(std::lround(255 * std::clamp(value, 0.0f, 1.0f))));
+                }
+                mask.push_back(share >= 0.5f ? 255 : 0);
+            }
+        writer.addImage(nameOf(i), size, size, rgb);
+        writer.addMask(nameOf(i), size, size, mask);
+    };
+    std::future<void> keeping;  // a frame is encoded while the device draws the next one
+    for (size_t i = 0; i < motion.size(); ++i) {
+        PosedMesh posed = poser.pose(motion[i].theta, motion[i].trans, {});
+        // Drawn large and averaged: the samples that hit nothing are the background's share.
+        Drawing drawing =
+            drawer.draw(posed.verts, camera, actor.texture, actor.textureSize, options.samples);
+        if (keeping.valid()) keeping.get();
+        keeping = std::async(std::launch::async, keep, i, std::move(drawing));
+        Theta theta = motion[i].theta;
+        Trans trans = motion[i].trans;
+        trueTheta.push_back(theta);
+        trueTrans.push_back(trans);
+        disturb(theta, trans, options.poseNoiseDegrees, options.transNoiseMetres,
+                options.seed * 1000003 + i);
+        Frame frame;
+        frame.name = nameOf(i);
+        frame.camera = camera;
+        capture.frames.push_back(frame);
+        capture.theta.push_back(theta);
+        capture.trans.push_back(trans);
+    }
+    if (keeping.valid()) keeping.get();
+    writeNpz(writer.folder() / "truth.npz", posesArrays(trueTheta, trueTrans, {}), true);
+    return writer.commit(capture);
+}
+
+}  // namespace doppel

@@ -1,0 +1,44 @@
+// Captures of a synthetic actor: frames with known truth.
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+#include "engine/device.h"
+#include "nn/body/body.h"
+#include "trainer/data/capture.h"
+#include "trainer/data/session.h"
+
+namespace doppel {
+
+// A clothed, haired person who is not the body model, on the body model's skeleton.
+struct Actor {
+    BodyModel body;
+    std::vector<float> texture;  // [size,size,3] sRGB-encoded in [0,1]
+    int textureSize = 0;
+};
+// From FOLDER/NAME.npz and NAME.png.
+Actor readActor(const std::filesystem::path& folder, const std::string& name);
+
+struct SyntheticOptions {
+    int size = 256;                  // pixels, square
+    double poseNoiseDegrees = 2;     // of every joint, about a random axis
+    double transNoiseMetres = 0.01;  // along a random direction
+    uint64_t seed = 1;
+    int samples = 3;  // per pixel and axis
+};
+
+// Draws the actor in these poses before a plain studio wall, and writes the capture: frames, masks,
+// and the poses as an imperfect tracker would have seen them. The true ones go to truth.npz (as
+// poses.npz) in the same folder.
+Capture renderActor(Device& device, const Actor& actor, const std::vector<MotionFrame>& motion,
+                    const std::filesystem::path& out, const SyntheticOptions& options);
+
+// Where the bodies and actors that come with the program are: DOPPEL_ASSETS, or the source's.
+std::filesystem::path assetFolder();
+
+// The distance at which actorSession() fills the picture of syntheticCamera().
+constexpr float kActorDistance = 3.2f;
+Camera syntheticCamera(int size);
+
+}  // namespace doppel

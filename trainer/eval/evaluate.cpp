@@ -1,0 +1,165 @@
+#include "trainer/eval/evaluate.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/io/image.h"
+#include "trainer/data/background.h"
+#include "trainer/data/output_folder.h"
+#include "trainer/data/progress.h"
+#include "trainer/data/sheet.h"
+
+namespace doppel {
+
+namespace {
+
+// Samples per pixel and axis of an evaluated render: photographs are not aliased either.
+constexpr int kSamples = 2;
+
+// The scene behind the person in each frame.
+class Background {
+public:
+    Background(const std::string& kind, const Capture& capture, FrameCache& frames)
+        : fromFrame_(kind == "frame") {
+        if (kind == "frame" || kind == "median") {
+            plate_.emplace(capture, frames);
+            return;
+        }
+        const Image image = readImage(kind);
+        const Camera& camera = capture.frames.at(0).camera;
+        if (image.width != camera.width || image.height != camera.height)
+            throwInput("{}: expected a picture of {}×{} pixels, as the frames have, found {}×{}",
+                       kind, camera.width, camera.height, image.width, image.height);
+        for (uint8_t b : image.data) clean_.push_back(static_cast<float>(b) / 255.0f);
+    }
+    std::vector<float> behind(const Picture& picture) const {
+        if (!plate_) {
+            if (clean_.size() != picture.rgb.size())
+                throwInput(
+                    "--scene: the picture has {} pixels, a frame {}; frames of one "
+                    "size are needed",
+                    clean_.size() / 3, picture.rgb.size() / 3);
+            return clean_;
+        }
+        return fromFrame_ ? plate_->behind(picture) : plate_->plate();
+    }
+
+private:
+    bool fromFrame_;
+    std::optional<BackgroundPlate> plate_;
+    std::vector<float> clean_;
+};
+
+double greatestDifference(std::span<const float> a, std::span<const float> b) {
+    double greatest = 0;
+    for (size_t i = 0; i < a.size(); ++i)
+        greatest = std::max(greatest, std::abs(double(a[i]) - double(b[i])));
+    return 255 * greatest;
+}
+
+}  // namespace
+
+Evaluation evaluateCapture(Device& device, const Avatar& avatar, const Capture& capture,
+                           const EvaluateSettings& settings) {
+    capture.requireMasks();
+    const std::filesystem::path& pictures = settings.pictures;
+    FrameCache frames(capture);
+    const Capture& whole = settings.plateOf ? *settings.plateOf : capture;
+    std::optional<Background> background;
+    {
+        FrameCache wholeFrames(whole);
+        background.emplace(settings.background, whole, wholeFrames);
+    }
+    AvatarRenderer renderer(device, avatar, true, settings.texture);
+    auto submit = [&](size_t i) {
+        renderer.submit(capture.theta[i], capture.trans[i], capture.frames[i].camera, kSamples);
+    };
+    Progress progress("eval", static_cast<int64_t>(capture.size()));
+    Evaluation result;
+    std::vector<float> firstRender, lastRender, lastPerson;
+    std::vector<std::vector<float>> realVideo, renderedVideo;
+    int64_t changes = 0;
+    if (capture.size() > 0) submit(0);
+    for (size_t i = 0; i < capture.size(); ++i) {
+        if (interrupted()) throw Interrupted{};
+        submit(i + 1 < capture.size() ? i + 1 : 0);  // the first once more, behind the last
+        const Frame& frame = capture.frames[i];
+        auto picture = frames.load(i);
+        int w = frame.camera.width, h = frame.camera.height;
+        Drawing drawing = renderer.take();
+        std::vector<float> render =
+            composite(drawing.rgb, drawing.mask, background->behind(*picture));
+        std::vector<float> target(picture->rgb.size());
+        std::ranges::transform(picture->rgb, target.begin(),
+                               [](uint8_t b) { return static_cast<float>(b) / 255.0f; });
+        std::vector<uint8_t> silhouette = drawing.mask;
+        for (uint8_t& value : silhouette) value = value >= 128 ? 255 : 0;
+        result.frames.push_back(
+            measureFrame(frame.name, render, target, silhouette, picture->mask, w, h));
+        FrameMetrics& metrics = result.frames.back();
+        if (settings.lpips) metrics.lpips = settings.lpips->distance(render, target, w, h);
+        if (settings.videoFeatures) {
+            realVideo.push_back(VideoFeatures::prepare(target, w, h));
+            renderedVideo.push_back(VideoFeatures::prepare(render, w, h));
+        }
+        if (!pictures.empty()) {
+            createFolders(pictures);
+            writeImage(pictures / (frame.name + ".png"),
+                       contactSheet({{toImage(target, w, h), toImage(render, w, h),
+                                      differenceImage(target, render, w, h, 4)}}));
+        }
+        std::vector<float> person = target;
+        for (size_t p = 0; p < person.size(); ++p)
+            if (picture->mask[p / 3] == 0) person[p] = 0;
+        if (lastRender.size() == drawing.rgb.size()) {
+            result.change += meanDifference(drawing.rgb, lastRender);
+            result.changeOfFrames += meanDifference(person, lastPerson);
+            ++changes;
+        }
+        lastRender = std::move(drawing.rgb);
+        lastPerson = std::move(person);
+        if (i == 0) firstRender = lastRender;
+        progress.update(static_cast<int64_t>(i) + 1,
+                        {{"iou", metrics.iou}, {"psnr", metrics.psnrBody}});
+    }
+    if (changes > 0) {
+        result.change /= static_cast<double>(changes);
+        result.changeOfFrames /= static_cast<double>(changes);
+    }
+    if (capture.size() > 0)
+        result.changeHeldStill = greatestDifference(renderer.take().rgb, firstRender);
+    if (settings.videoFeatures) {
+        result.realClips = clipFeatures(*settings.videoFeatures, realVideo);
+        result.renderedClips = clipFeatures(*settings.videoFeatures, renderedVideo);
+    }
+    return result;
+}
+
+std::vector<FrameMetrics> evaluateAvatar(Device& device, const Avatar& avatar,
+                                         const Capture& capture,
+                                         const std::filesystem::path& pictures,
+                                         TextureKind texture) {
+    return evaluateCapture(device, avatar, capture, {.pictures = pictures, .texture = texture})
+        .frames;
+}
+
+std::optional<double> videoDistance(const std::vector<std::vector<double>>& real,
+                                    const std::vector<std::vector<double>>& rendered) {
+    if (real.size() < 2 || rendered.size() < 2) return std::nullopt;
+    return frechetDistance(fitGaussian(real), fitGaussian(rendered));
+}
+
+std::vector<double> avatarIous(Device& device, const Avatar& avatar, const Capture& capture,
+                               bool refined) {
+    capture.requireMasks();
+    FrameCache frames(capture);
+    AvatarRenderer renderer(device, avatar, refined);
+    std::vector<double> ious;
+    for (size_t i = 0; i < capture.size(); ++i)
+        ious.push_back(intersectionOverUnion(
+            renderer.mask(capture.theta[i], capture.trans[i], capture.frames[i].camera),
+            frames.load(i)->mask));
+    return ious;
+}
+
+}  // namespace doppel

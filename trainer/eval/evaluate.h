@@ -1,0 +1,62 @@
+// How well an avatar shows a capture's frames.
+//
+// The paper's protocol: the avatar in each frame's pose, through the frame's camera and at its
+// resolution, over the frame's background, compared with the whole real frame.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "trainer/avatar/avatar.h"
+#include "trainer/eval/fvd.h"
+#include "trainer/eval/lpips.h"
+#include "trainer/eval/metrics.h"
+
+namespace doppel {
+
+struct EvaluateSettings {
+    // A folder for frame, render and error side by side, NAME.png; empty: none.
+    std::filesystem::path pictures;
+    TextureKind texture = TextureKind::Best;
+    // What stands behind the render. "frame": the frame's own pixels away from the mask (a keyed
+    // mask leaves all that is no person), and on and next to the mask the plate: the median over
+    // time of what the masks leave uncovered. "median": the plate everywhere. Else a picture of the
+    // scene without the person, of the frames' size, everywhere.
+    std::string background = "frame";
+    // The capture whose frames the plate is made of; null: the one that is evaluated.
+    const Capture* plateOf = nullptr;
+    Lpips* lpips = nullptr;  // null: left out
+    VideoFeatures* videoFeatures = nullptr;
+};
+
+struct Evaluation {
+    std::vector<FrameMetrics> frames;
+    // Mean |difference| of consecutive pictures of the person over black, in 8-bit units: of the
+    // renders, and of the frames as their masks cut them out. A render that flickers changes more.
+    double change = 0, changeOfFrames = 0;
+    // The greatest difference when the first frame's pose is drawn again after all others: zero.
+    double changeHeldStill = 0;
+    // Features of the clips of real frames and of renders; see clipFeatures.
+    std::vector<std::vector<double>> realClips, renderedClips;
+};
+
+Evaluation evaluateCapture(Device& device, const Avatar& avatar, const Capture& capture,
+                           const EvaluateSettings& settings = {});
+
+// Its frames, over the background "frame".
+std::vector<FrameMetrics> evaluateAvatar(Device& device, const Avatar& avatar,
+                                         const Capture& capture,
+                                         const std::filesystem::path& pictures = {},
+                                         TextureKind texture = TextureKind::Best);
+
+// The Fréchet distance of the clips; nothing where there are fewer than two.
+std::optional<double> videoDistance(const std::vector<std::vector<double>>& real,
+                                    const std::vector<std::vector<double>>& rendered);
+
+// The same for the silhouette alone: IoU per frame, with or without the mesh network.
+std::vector<double> avatarIous(Device& device, const Avatar& avatar, const Capture& capture,
+                               bool refined);
+
+}  // namespace doppel

@@ -1,0 +1,37 @@
+// Stage "fit": shape, poses and positions refined by gradient descent through LBS and the soft
+// silhouette (and keypoints where the capture has them).
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "engine/device.h"
+#include "nn/body/body.h"
+#include "trainer/avatar/preset.h"
+#include "trainer/data/capture.h"
+#include "trainer/stages/stage_loop.h"
+
+namespace doppel {
+
+struct FitResult {
+    // Of the body's silhouette with the masks, at the frames' own resolution, mean over frames.
+    double iouBefore = 0, iouAfter = 0;
+    std::vector<double> frameIouBefore, frameIouAfter;
+};
+
+struct FitSettings {
+    FitPreset preset;
+    bool fitShape = true;    // false: betas stay as they are (a known person in new frames)
+    LoopSettings loop = {};  // its seed; with a folder, curves and checkpoints go there
+};
+
+// Replaces capture.betas, theta and trans. Every frame needs a mask (InputError otherwise).
+// Interrupted is thrown with nothing changed but what settings.loop keeps.
+FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
+                     const FitSettings& settings);
+
+// IoU of the body as it is posed with each frame's mask, at the frame's resolution.
+std::vector<double> silhouetteIous(Device& device, const BodyModel& body, const Capture& capture,
+                                   FrameCache& frames);
+
+}  // namespace doppel

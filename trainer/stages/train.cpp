@@ -1,0 +1,237 @@
+#include "trainer/stages/train.h"
+
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <span>
+
+#include "engine/io/image.h"
+#include "trainer/avatar/checkpoint.h"
+#include "trainer/avatar/networks.h"
+#include "trainer/avatar/rendering.h"
+#include "trainer/data/output_folder.h"
+
+namespace doppel {
+
+namespace {
+
+// FNV-1a: tells one capture or body from another, no more.
+class Digest {
+public:
+    template <typename T>
+    void add(std::span<const T> values) {
+        for (std::byte b : std::as_bytes(values))
+            hash_ = (hash_ ^ static_cast<uint64_t>(b)) * 0x100000001b3u;
+    }
+    std::string text() const { return fmt::format("{:016x}", hash_); }
+
+private:
+    uint64_t hash_ = 0xcbf29ce484222325u;
+};
+
+// The avatar standing, from the front and from a side.
+void writePreview(Device& device, const Avatar& avatar, const std::filesystem::path& path) {
+    Shot rest = restShot(device, avatar, 384);
+    AvatarRenderer renderer(device, avatar);
+    Image preview(2 * 384, 384, 3, 255);
+    for (int view = 0; view < 2; ++view) {
+        Shot shot = turned(rest, view * 0.125);
+        Drawing drawing = renderer.draw(shot.theta, shot.trans, shot.camera, 2);
+        for (int y = 0; y < 384; ++y)
+            for (int x = 0; x < 384; ++x) {
+                size_t i = static_cast<size_t>(y * 384 + x);
+                float rest1 = 1 - static_cast<float>(drawing.mask[i]) / 255.0f;
+                for (size_t c = 0; c < 3; ++c)
+                    preview.pixel(384 * view + x, y)[c] = static_cast<uint8_t>(
+                        255 * std::clamp(drawing.rgb[3 * i + c] + rest1, 0.0f, 1.0f));
+            }
+    }
+    writeImage(path, preview);
+}
+
+// What a run is asked for: all that its result depends on, but the pictures themselves.
+std::map<std::string, std::string> askedFor(const TrainSettings& settings, const Avatar& avatar,
+                                            const Capture& capture, Precision precision) {
+    std::map<std::string, std::string> asked;
+    asked["precision"] = precisionName(precision);
+    asked["stages"] = fmt::format("{}", fmt::join(settings.stages, ","));
+    asked["seed"] = fmt::format("{}", settings.seed);
+    for (const auto& [name, value] : presetValues(avatar.preset))
+        for (const std::string& stage : settings.stages)
+            if (name.starts_with(stage + ".")) asked[name] = value;
+    Digest poses, cameras, body;
+    for (size_t i = 0; i < capture.size(); ++i) {
+        const Camera& camera = capture.frames[i].camera;
+        poses.add(std::span<const float>(capture.theta[i]));
+        poses.add(std::span<const float>(capture.trans[i]));
+        cameras.add(std::span<const char>(capture.frames[i].name));
+        cameras.add(std::span<const double>({camera.fx, camera.fy, camera.cx, camera.cy,
+                                             double(camera.width), double(camera.height)}));
+    }
+    poses.add(std::span<const float>(capture.betas));
+    body.add(std::span<const float>(avatar.body.templateVertices));
+    body.add(std::span<const int32_t>(avatar.body.faces));
+    asked["capture"] = capture.name;
+    asked["frames"] = fmt::format("{}", capture.size());
+    asked["capture_poses"] = poses.text();
+    asked["capture_frames"] = cameras.text();
+    asked["body"] = body.text();
+    return asked;
+}
+
+// What is on disk of a run, between its start and its end.
+class Run {
+public:
+    Run(const TrainSettings& settings, const Avatar& avatar, const Capture& capture,
+        Precision precision)
+        : settings_(settings) {
+        if (!settings.keeps()) return;
+        std::map<std::string, std::string> asked = askedFor(settings, avatar, capture, precision);
+        std::optional<RunRecord> there;
+        if (settings.resume) there = readRunRecord(settings.out);
+        if (there) {
+            checkSame(there->asked, asked);
+            record_ = *there;
+            fmt::print(stderr, "{}: going on with the unfinished run (--restart starts over)\n",
+                       settings.out.string());
+            return;
+        }
+        record_.asked = asked;
+        try {
+            createFolders(settings.out);
+            removeTrainingState(settings.out);
+            writeRunRecord(settings.out, record_);
+        } catch (...) {
+            forgetIfEmpty();
+            throw;
+        }
+    }
+
+    bool wants(const char* stage) const { return std::ranges::count(settings_.stages, stage) > 0; }
+    bool isDone(const char* stage) const { return record_.isDone(stage); }
+
+    // Result first, then the word that it is there: a run killed between the two takes the stage's
+    // last steps again.
+    void finish(const char* stage, const Avatar& avatar) {
+        if (!settings_.keeps()) return;
+        writeAvatar(settings_.out, avatar);
+        record_.done.push_back(stage);
+        writeRunRecord(settings_.out, record_);
+        std::error_code ignored;
+        std::filesystem::remove(folder() / (std::string(stage) + ".safetensors"), ignored);
+    }
+
+    // Nothing is left of a run that failed before it had anything to go on from: a frame that
+    // cannot be read, a disk without room for the first checkpoint.
+    void forgetIfEmpty() const {
+        if (!settings_.keeps() || !record_.done.empty()) return;
+        std::error_code ignored;
+        for (const auto& entry : std::filesystem::directory_iterator(folder(), ignored))
+            if (entry.path().extension() == ".safetensors") return;
+        removeTrainingState(settings_.out);
+        std::filesystem::remove(settings_.out, ignored);  // unless there is something in it
+    }
+
+    // The capture as stage "fit" leaves it.
+    void writePoses(const Capture& capture) const {
+        if (!settings_.keeps()) return;
+        writeNpz(folder() / "poses.npz", posesArrays(capture.theta, capture.trans, capture.betas),
+                 false);
+    }
+    void readPoses(Capture& capture) const {
+        Motion poses = readMotion(folder() / "poses.npz");
+        if (poses.size() != capture.size())
+            throwInput("{}: expected {} poses, as many as the capture has frames, found {}",
+                       (folder() / "poses.npz").string(), capture.size(), poses.size());
+        capture.theta = poses.theta;
+        capture.trans = poses.trans;
+        capture.betas = poses.betas;
+    }
+
+private:
+    std::filesystem::path folder() const { return settings_.out / "checkpoints"; }
+
+    void checkSame(const std::map<std::string, std::string>& there,
+                   const std::map<std::string, std::string>& here) const {
+        auto valueOf = [](const std::map<std::string, std::string>& of, const std::string& key) {
+            auto found = of.find(key);
+            return found == of.end() ? std::string("none") : found->second;
+        };
+        std::map<std::string, std::string> all = there;
+        all.insert(here.begin(), here.end());
+        for (const auto& [key, unused] : all)
+            if (valueOf(there, key) != valueOf(here, key))
+                throwInput(
+                    "{}: an unfinished run is there, with {} = {}, and this one has {}; the same "
+                    "command goes on with it, --restart starts over",
+                    settings_.out.string(), key, valueOf(there, key), valueOf(here, key));
+    }
+
+    const TrainSettings& settings_;
+    RunRecord record_;
+};
+
+// The stages one after the other.
+void trainStages(Device& device, TrainResult& result, const TrainSettings& settings, Run& run) {
+    if (run.wants("fit") && !run.isDone("fit")) {
+        FitSettings fit{.preset = result.avatar.preset.fit, .loop = settings};
+        if (!settings.keeps()) fit.loop.out.clear();
+        fit.loop.profileSteps = 0;  // the stages after it need its result
+        result.fit = fitCapture(device, result.avatar.body, result.capture, fit);
+        result.avatar.betas = result.capture.betas;
+        run.writePoses(result.capture);
+        run.finish("fit", result.avatar);
+    } else if (run.wants("fit")) {
+        run.readPoses(result.capture);
+    }
+    result.capture.betas = result.avatar.betas;
+
+    // A stage's former result plays no part any more, whatever becomes of the run.
+    if (run.wants("mesh") && !run.isDone("mesh")) result.avatar.meshNet.clear();
+    if (run.wants("texture") && !run.isDone("texture")) {
+        result.avatar.textureNet.clear();
+        result.avatar.texture.clear();
+    }
+    if ((run.wants("texture") && !run.isDone("texture")) ||
+        (run.wants("refine") && !run.isDone("refine")))
+        result.avatar.clearRefinement();
+    if (run.wants("mesh") && !run.isDone("mesh")) {
+        trainMesh(device, result.avatar, result.capture, settings);
+        run.finish("mesh", result.avatar);
+    }
+    if (run.wants("texture") && !run.isDone("texture")) {
+        trainTexture(device, result.avatar, result.capture, settings);
+        run.finish("texture", result.avatar);
+    }
+    if (run.wants("refine") && !run.isDone("refine")) {
+        trainRefine(device, result.avatar, result.capture, settings);
+        run.finish("refine", result.avatar);
+    }
+    if (settings.keeps()) {
+        if (!result.avatar.texture.empty())
+            writePreview(device, result.avatar, settings.out / "preview.png");
+        removeTrainingState(settings.out);
+    }
+}
+
+}  // namespace
+
+TrainResult trainAvatar(Device& device, Avatar avatar, Capture capture,
+                        const TrainSettings& settings) {
+    capture.requireMasks();
+    TrainResult result{std::move(avatar), std::move(capture), std::nullopt};
+    Run run(settings, result.avatar, result.capture, device.precision());
+    try {
+        if (settings.opened && settings.keeps()) {
+            writeLiveAvatar(settings.out, result.avatar);
+            settings.opened();
+        }
+        trainStages(device, result, settings, run);
+    } catch (...) {
+        run.forgetIfEmpty();
+        throw;
+    }
+    return result;
+}
+
+}  // namespace doppel

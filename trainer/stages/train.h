@@ -1,0 +1,49 @@
+// Training stages in their order, an avatar's folder growing as they finish.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "trainer/avatar/avatar.h"
+#include "trainer/data/capture.h"
+#include "trainer/stages/fit.h"
+
+namespace doppel {
+
+// resume: go on with the unfinished run in `out`, which must have been asked for the same;
+// otherwise what is left of one is removed.
+struct TrainSettings : LoopSettings {
+    // Called once the run's folder holds a first state in liveFolder(); may be empty, and then that
+    // comes with the first picture.
+    std::function<void()> opened;
+    std::vector<std::string> stages{"fit", "mesh", "texture"};  // in this order
+    uint64_t memoryBudget = 0;
+};
+
+struct TrainResult {
+    Avatar avatar;
+    Capture capture;  // with the fitted poses
+    std::optional<FitResult> fit;
+};
+
+// Reads the capture's frames, trains, and leaves the avatar in settings.out. avatar: what is there
+// already (its body, and networks of earlier stages). However often a run is stopped and resumed,
+// it ends with the same bytes. InputError where an unfinished run was asked for something else.
+TrainResult trainAvatar(Device& device, Avatar avatar, Capture capture,
+                        const TrainSettings& settings);
+
+// Stage 1: the mesh refinement network G_m against the masks; fills avatar.meshNet.
+void trainMesh(Device& device, Avatar& avatar, const Capture& capture,
+               const TrainSettings& settings);
+
+// Stage 2: the coarse texture network G_TN against the frames; fills avatar.textureNet and texture.
+void trainTexture(Device& device, Avatar& avatar, const Capture& capture,
+                  const TrainSettings& settings);
+
+// Stage 3: the texture refinement network G_RN; fills avatar.refineNet and bakedTexture. InputError
+// where the avatar has no texture network.
+void trainRefine(Device& device, Avatar& avatar, const Capture& capture,
+                 const TrainSettings& settings);
+
+}  // namespace doppel

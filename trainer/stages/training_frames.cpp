@@ -1,0 +1,162 @@
+#include "trainer/stages/training_frames.h"
+
+#include <zlib.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+
+#include <glm/gtc/quaternion.hpp>
+
+namespace doppel {
+
+namespace {
+
+uint8_t toByte(float value) {
+    return static_cast<uint8_t>(std::lround(255 * std::clamp(value, 0.0f, 1.0f)));
+}
+
+std::vector<uint8_t> deflated(const std::vector<uint8_t>& bytes) {
+    uLongf size = compressBound(bytes.size());
+    std::vector<uint8_t> packed(size);
+    // Level 1: a fifth of the time of the usual level for a tenth more bytes.
+    int status = compress2(packed.data(), &size, bytes.data(), bytes.size(), 1);
+    CHECK(status == Z_OK, "a crop can be compressed");
+    packed.resize(size);
+    packed.shrink_to_fit();
+    return packed;
+}
+
+}  // namespace
+
+TrainingFrames::TrainingFrames(Device& device, const BodyModel& body, const Capture& capture,
+                               FrameCache& cache, int size, bool colours, double margin,
+                               uint64_t memoryBudget)
+    : size_(size) {
+    capture.requireMasks();
+    uint64_t pixels = static_cast<uint64_t>(size) * static_cast<uint64_t>(size);
+    uint64_t raw = pixels * (colours ? 4 : 1) * capture.size();
+    compressed_ = raw > (memoryBudget > 0 ? memoryBudget : uint64_t{1} << 30);
+    auto keep = [&](const std::vector<float>& values) {
+        std::vector<uint8_t> bytes(values.size());
+        std::ranges::transform(values, bytes.begin(), toByte);
+        return compressed_ ? deflated(bytes) : bytes;
+    };
+    BodyPoser poser(device, body);
+    for (size_t i = 0; i < capture.size(); ++i) {
+        PosedMesh posed = poser.pose(capture.theta[i], capture.trans[i], capture.betas);
+        const Frame& frame = capture.frames[i];
+        CropBox box = cropBox(frame.camera, posed.joints, "frame " + frame.name);
+        box.half *= margin;
+        Crop cut = crop(*cache.load(i), frame.camera, box, size);
+        cameras_.push_back(cut.camera);
+        boxes_.push_back(box);
+        masks_.push_back(keep(cut.mask));
+        if (colours) images_.push_back(keep(cut.image));
+    }
+}
+
+std::vector<float> TrainingFrames::unpack(const std::vector<uint8_t>& bytes, size_t count) const {
+    std::vector<uint8_t> inflated;
+    if (compressed_) {
+        inflated.resize(count);
+        uLongf size = count;
+        int status = uncompress(inflated.data(), &size, bytes.data(), bytes.size());
+        CHECK(status == Z_OK && size == count, "a crop is as it was kept");
+    }
+    std::vector<float> values(count);
+    std::ranges::transform(compressed_ ? inflated : bytes, values.begin(),
+                           [](uint8_t b) { return static_cast<float>(b) / 255.0f; });
+    return values;
+}
+
+std::vector<float> TrainingFrames::mask(size_t frame) const {
+    if (auto found = ready_.find(frame); found != ready_.end()) return found->second.mask;
+    return unpack(masks_[frame], static_cast<size_t>(size_) * static_cast<size_t>(size_));
+}
+
+std::vector<float> TrainingFrames::image(size_t frame) const {
+    if (auto found = ready_.find(frame); found != ready_.end()) return found->second.image;
+    return unpack(images_[frame], 3 * static_cast<size_t>(size_) * static_cast<size_t>(size_));
+}
+
+void TrainingFrames::prepare(std::span<const size_t> frames) {
+    ready_.clear();
+    for (size_t frame : frames) {
+        if (ready_.contains(frame)) continue;
+        Ready one{mask(frame), images_.empty() ? std::vector<float>() : image(frame)};
+        ready_.emplace(frame, std::move(one));
+    }
+}
+
+uint64_t TrainingFrames::bytesKept() const {
+    uint64_t bytes = 0;
+    for (const auto* all : {&masks_, &images_})
+        for (const std::vector<uint8_t>& one : *all) bytes += one.size();
+    return bytes;
+}
+
+FrameSampler::FrameSampler(size_t count, uint64_t seed, std::vector<double> weights)
+    : state_(seed), order_(count) {
+    CHECK(count > 0, "there are frames to draw");
+    std::iota(order_.begin(), order_.end(), size_t{0});
+    position_ = count;
+    if (!weights.empty()) {
+        CHECK(weights.size() == count, "a weight for every frame");
+        std::partial_sum(weights.begin(), weights.end(), std::back_inserter(cumulative_));
+    }
+}
+
+uint64_t FrameSampler::random() {  // SplitMix64
+    uint64_t x = state_ += 0x9e3779b97f4a7c15u;
+    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
+    x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
+    return x ^ (x >> 31);
+}
+
+size_t FrameSampler::next() {
+    if (!cumulative_.empty()) {
+        double at = static_cast<double>(random() >> 11) * 0x1p-53 * cumulative_.back();
+        auto found = std::ranges::upper_bound(cumulative_, at);
+        return std::min(static_cast<size_t>(found - cumulative_.begin()), order_.size() - 1);
+    }
+    if (position_ == order_.size()) {
+        for (size_t i = order_.size() - 1; i > 0; --i)
+            std::swap(order_[i], order_[random() % (i + 1)]);
+        position_ = 0;
+    }
+    return order_[position_++];
+}
+
+std::vector<size_t> FrameSampler::peek(size_t count) const {
+    FrameSampler ahead = *this;
+    std::vector<size_t> frames;
+    for (size_t i = 0; i < count; ++i) frames.push_back(ahead.next());
+    return frames;
+}
+
+std::vector<double> headingWeights(const Capture& capture) {
+    std::vector<size_t> bins;
+    std::array<double, 8> population{};
+    for (const Theta& theta : capture.theta) {
+        glm::dvec3 v(theta[0], theta[1], theta[2]);
+        double angle = glm::length(v);
+        glm::dquat q = angle > 0 ? glm::angleAxis(angle, v / angle) : glm::dquat(1, 0, 0, 0);
+        glm::dvec3 front = q * glm::dvec3(0, 0, 1);
+        double heading = std::atan2(front.x, front.z) / 6.283185307179586 + 0.5;  // [0, 1]
+        bins.push_back(std::min<size_t>(static_cast<size_t>(heading * 8), 7));
+        population[bins.back()] += 1;
+    }
+    std::vector<double> weights;
+    for (size_t bin : bins) weights.push_back(1 / population[bin]);
+    return weights;
+}
+
+double scheduledRate(double rate, double constantPart, int64_t step, int64_t steps) {
+    double done = static_cast<double>(step) / static_cast<double>(steps);
+    if (done < constantPart) return rate;
+    return rate * (1 - done) / (1 - constantPart);
+}
+
+}  // namespace doppel

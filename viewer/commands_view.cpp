@@ -1,8 +1,0 @@
-#include "trainer/commands.h"
-#include "viewer/viewer.h"
-
-namespace doppel {
-
-void runView(const ViewOptions& options) { Viewer(options).run(); }
-
-}  // namespace doppel
