@@ -56,6 +56,29 @@ TypeName typeName(VkPhysicalDeviceType type) {
     }
 }
 
+bool gpuKernelsWanted() {
+    const char* set = std::getenv("DOPPEL_KERNELS");
+    if (!set || !*set) return false;
+    if (set != std::string_view("gpu"))
+        throwInput(
+            "DOPPEL_KERNELS: expected gpu, or nothing for the device's own kernels, found {}", set);
+    return true;
+}
+
+KernelPath kernelPathOf(const DeviceInfo& info, Binding binding) {
+    const bool addresses = binding == Binding::Addresses;
+    KernelPath path;
+    path.onCpu = info.cpu && info.int64 && !gpuKernelsWanted();
+    path.int64 = info.int64;
+    // In "descriptors" the plain kernels are tested.
+    path.int64Atomics = info.int64Atomics && addresses;
+    path.texels = path.onCpu && addresses && info.texelAlignment <= 16;
+    // One subgroup per workgroup divides the texels of A in a body of a product's loop.
+    if (path.texels && 16 % std::max(1u, info.subgroupSize) == 0)
+        path.vectorLanes = info.subgroupSize;
+    return path;
+}
+
 DeviceInfo describe(VkInstance instance, VkPhysicalDevice physical, uint32_t index) {
     DeviceInfo info;
     info.index = index;
@@ -90,7 +113,7 @@ DeviceInfo describe(VkInstance instance, VkPhysicalDevice physical, uint32_t ind
     info.maxStorageBufferBytes = limits.maxStorageBufferRange;
     info.maxPushConstantBytes = limits.maxPushConstantsSize;
     info.maxTexels = limits.maxTexelBufferElements;
-    info.texels = info.cpu && limits.minTexelBufferOffsetAlignment <= 16;
+    info.texelAlignment = limits.minTexelBufferOffsetAlignment;
     info.timestamps = limits.timestampComputeAndGraphics;
 
     VkPhysicalDeviceVulkan12Features features12{
@@ -110,6 +133,9 @@ DeviceInfo describe(VkInstance instance, VkPhysicalDevice physical, uint32_t ind
     for (uint32_t i = 0; i < memory.memoryHeapCount; ++i)
         if (memory.memoryHeaps[i].flags & VK_MEMORY_HEAP_DEVICE_LOCAL_BIT)
             info.memoryBytes = std::max(info.memoryBytes, memory.memoryHeaps[i].size);
+
+    info.kernelPath =
+        kernelPathOf(info, info.addresses ? Binding::Addresses : Binding::Descriptors);
 
     if (!features12.scalarBlockLayout) info.refusals.push_back("no scalarBlockLayout");
     if (!info.int64) info.refusals.push_back("no 64-bit integers in shaders (shaderInt64)");
@@ -183,10 +209,11 @@ Device::Device(DeviceOptions options) {
                                                 ? Binding::Descriptors
                                                 : Binding::Addresses);
         if (!info_.addresses) binding_ = Binding::Descriptors;
+        info_.kernelPath = kernelPathOf(info_, binding_);
         bool addresses = binding_ == Binding::Addresses;
         precision_ = options.precision;
         // A CPU emulates them, several times slower than plain kernels: for tests.
-        bool units = !info_.cpu || environmentSays("DOPPEL_MATRIX_UNITS", "emulated");
+        bool units = !kernelPath().onCpu || environmentSays("DOPPEL_MATRIX_UNITS", "emulated");
         if (precision_ == Precision::Mixed && addresses && units) matrixUnits_ = info_.halfMatrices;
 
         float priority = 1;
@@ -273,7 +300,7 @@ Buffer Device::allocate(uint64_t bytes, Memory memory) {
     info.usage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT |
                  VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT;
     if (addresses) info.usage |= VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
-    if (info_.texels) info.usage |= VK_BUFFER_USAGE_UNIFORM_TEXEL_BUFFER_BIT;
+    if (kernelPath().texels) info.usage |= VK_BUFFER_USAGE_UNIFORM_TEXEL_BUFFER_BIT;
     VkBuffer buffer = VK_NULL_HANDLE;
     VK_CHECK(vkCreateBuffer(device_, &info, nullptr, &buffer));
     VkMemoryRequirements requirements;
@@ -317,7 +344,7 @@ const Kernel& Device::kernel(std::string_view name, const Specialisation& specia
         auto row = std::ranges::find(shaderTable(), name, &ShaderTableRow::name);
         CHECK(row != shaderTable().end(), "there is a shader entry {}", name);
         Specialisation complete = specialisation;
-        if (info_.cpu && reflect(row->descriptors).constants.contains("kOnCpu"))
+        if (kernelPath().onCpu && reflect(row->descriptors).constants.contains("kOnCpu"))
             complete["kOnCpu"] = 1;  // of shaders/common/op.glsl
         found = kernels_
                     .emplace(std::move(key),

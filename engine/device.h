@@ -40,6 +40,25 @@ struct DeviceOptions {
     bool validation = false;
 };
 
+// Which builds, specialisations and workgroup sizes of kernels a device takes. This is the one
+// place that says it, from what the device is, the binding, and the environment: DOPPEL_KERNELS=gpu
+// gives a CPU exactly what a discrete GPU gets, so that those kernels are tested where there is no
+// GPU.
+struct KernelPath {
+    // The builds for CPUs: lanes of a subgroup are a CPU's vector, so that loads in loops are
+    // gathers, pairs of floats are loaded as integers of 64 bits, and a workgroup costs
+    // microseconds. Without it the builds for GPUs run, which need no integers of 64 bits but for
+    // int64Atomics.
+    bool onCpu = false;
+    // Kernels may read buffers as texels, from any 16 bytes on, beside addresses (TEXELS in
+    // shaders/common/op.glsl): a CPU's fast loads.
+    bool texels = false;
+    // Lanes of the vector, where the kernels for one vector per workgroup run; 0: they do not.
+    uint32_t vectorLanes = 0;
+    bool int64 = false;         // integers of 64 bits in shaders
+    bool int64Atomics = false;  // and atomics of them in buffers
+};
+
 // What `doppel devices` shows.
 struct DeviceInfo {
     uint32_t index = 0;
@@ -51,11 +70,12 @@ struct DeviceInfo {
     uint32_t subgroupSize = 0;
     bool addresses = false, timestamps = false;
     std::optional<MatrixShape> halfMatrices;  // what a subgroup multiplies at once
-    bool cpu = false;                   // lanes of a subgroup are a CPU's vector: loads are gathers
-    bool texels = false;                // a CPU that reads buffers as texels, from any 16 bytes on
-    uint64_t maxTexels = 0;             // of 16 bytes, per descriptor
-    bool int64 = false;                 // integers of 64 bits in shaders
-    bool int64Atomics = false;          // and atomics of them in buffers
+    bool cpu = false;             // kernels may take another path all the same, see below
+    uint64_t maxTexels = 0;       // of 16 bytes, per descriptor
+    uint64_t texelAlignment = 0;  // bytes, of the beginning of a buffer that is read as texels
+    bool int64 = false;           // integers of 64 bits in shaders
+    bool int64Atomics = false;    // and atomics of them in buffers
+    KernelPath kernelPath;        // with the binding that the device is used with
     std::vector<std::string> refusals;  // why it cannot be used; empty: it can
     int score = 0;                      // the best usable device has the highest
 };
@@ -71,6 +91,7 @@ public:
     static std::vector<DeviceInfo> list();
 
     const DeviceInfo& info() const { return info_; }
+    const KernelPath& kernelPath() const { return info_.kernelPath; }
     Binding binding() const { return binding_; }
     Precision precision() const { return precision_; }
     // The shape of products on matrix units, where precision and binding are those that use them.

@@ -127,7 +127,7 @@ VkDescriptorSet Recorder::descriptorSet(const Kernel& kernel, std::span<const Bu
 
 VkBufferView Recorder::texelView(const BufferView& view, const std::string& kernel,
                                  const std::string& buffer) {
-    CHECK(device_.info().texels, "{} runs on devices that read texels", kernel);
+    CHECK(device_.kernelPath().texels, "{} runs on devices that read texels", kernel);
     if (view.bytes / 16 >= device_.info().maxTexels)
         throwMachine(
             "buffer {} of kernel {} has {} bytes; this device's texel buffers reach {}: use a "

@@ -20,7 +20,7 @@ DeviceInfo named(const std::string& name, bool cpu) {
     DeviceInfo info;
     info.name = name;
     info.driver = "driver 1";
-    info.cpu = cpu;
+    info.cpu = info.kernelPath.onCpu = cpu;
     return info;
 }
 

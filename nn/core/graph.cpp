@@ -422,7 +422,8 @@ std::unique_ptr<Recorder> Graph::recorded(int slot, size_t begin, size_t end,
             case Step::What::Dispatch: {
                 Specialisation spec = step.spec;
                 Groups groups = step.groups;
-                if (groups.x == 0 && step.invocations >= kLargeDispatch && device_.info().cpu)
+                if (groups.x == 0 && step.invocations >= kLargeDispatch &&
+                    device_.kernelPath().onCpu)
                     spec.try_emplace("local_size", kLargeWorkgroup);
                 const Kernel& kernel = device_.kernel(step.kernel, spec);
                 if (groups.x == 0) groups = linearGroups(step.invocations, kernel.localSize());

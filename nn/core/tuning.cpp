@@ -16,7 +16,9 @@ namespace doppel {
 namespace {
 
 std::string keyOf(const DeviceInfo& info) {
-    return fmt::format("\"{}\" \"{}\"", info.name, info.driver);
+    // A CPU's numbers are not those of the kernels that it lacks.
+    const bool other = info.cpu && !info.kernelPath.onCpu;
+    return fmt::format("\"{}{}\" \"{}\"", info.name, other ? ", kernels of GPUs" : "", info.driver);
 }
 
 struct Known {
@@ -49,7 +51,7 @@ void visitNumbers(T& tuning, Visit visit) {
 }  // namespace
 
 DeviceClass deviceClass(const DeviceInfo& info) {
-    if (info.cpu) return DeviceClass::Cpu;
+    if (info.kernelPath.onCpu) return DeviceClass::Cpu;
     return info.halfMatrices ? DeviceClass::CooperativeMatrix : DeviceClass::Gpu;
 }
 

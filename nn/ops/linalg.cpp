@@ -40,11 +40,7 @@ struct Plan {
     }
 };
 
-bool runsOnCpu(const Device& device) {
-    // One subgroup per workgroup, which divides the texels of A in a body of the loop. Descriptors
-    // are for tests: the plain kernel is tested there.
-    return loadsTexels(device) && 16 % std::max(1u, device.info().subgroupSize) == 0;
-}
+bool runsOnCpu(const Device& device) { return device.kernelPath().vectorLanes > 0; }
 
 // Each tile of rows reads a tile of columns' part of B again, which a CPU should find in its cache
 // then. A part is a pass over C, so that many parts pay only where C is small beside B.
@@ -192,13 +188,9 @@ int64_t columnsApart(const Gemm& g, const Plan& p) {
 
 }  // namespace
 
-bool loadsTexels(const Device& device) {
-    return device.info().texels && device.info().int64 && device.binding() == Binding::Addresses;
-}
+bool loadsTexels(const Device& device) { return device.kernelPath().texels; }
 
-uint32_t vectorLanes(const Device& device) {
-    return runsOnCpu(device) ? device.info().subgroupSize : 0;
-}
+uint32_t vectorLanes(const Device& device) { return device.kernelPath().vectorLanes; }
 
 int64_t gemmPanelSteps(int64_t k) { return ceilDiv(k, kGemmUnroll) * kGemmUnroll; }
 

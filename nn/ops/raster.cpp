@@ -174,7 +174,7 @@ NearestFaces nearestFaces(Graph& graph, const RasterMesh& mesh, const Tensor& ve
     uint32_t faces = u32(mesh.faces);
     NearestFaces result;
     // Descriptors are for tests: two passes are tested there.
-    result.keys = device.info().int64Atomics && device.binding() == Binding::Addresses;
+    result.keys = device.kernelPath().int64Atomics;
     graph.beginOp("nearest_faces");
     result.screen = project(
         graph, mesh, verts, camera,
@@ -324,7 +324,8 @@ Tensor seenSpans(Graph& graph, const NearestFaces& nearest, int64_t height, int6
 
 Groups spanGroups(const Device& device, int64_t pixels) {
     // A CPU pays for each workgroup.
-    return {device.info().cpu ? 64 : u32(std::min<int64_t>((pixels + 63) / 64, 65535)), 1, 1};
+    return {device.kernelPath().onCpu ? 64 : u32(std::min<int64_t>((pixels + 63) / 64, 65535)), 1,
+            1};
 }
 
 SampledRender sampledRender(Graph& graph, const RasterMesh& mesh, const Tensor& verts,
