@@ -321,8 +321,49 @@ TEST(Capture, SaysWhatIsWrong) {
     expect("c/cameras.npz", [&] { fs::remove(c / "cameras.npz"); });
     expect("c/capture.toml: frames: expected each name once, found \"f1\" twice",
            [&] { folder.write("c/capture.toml", "frames = [\"f1\", \"f1\"]"); });
-    expect("c/capture.toml: frames: expected names of pictures without folder",
-           [&] { folder.write("c/capture.toml", "frames = [\"../f1\"]"); });
+    // What becomes a part of a path.
+    for (const char* name : {"../f1", "..", ".", "", "/f1", "a/b", "a\\\\b", ".f1", "a\\nb"}) {
+        const std::string quoted = fmt::format("\"{}\"", name);
+        expect("c/capture.toml: frames: expected a name without folder",
+               [&] { folder.write("c/capture.toml", "frames = [" + quoted + "]"); });
+        if (*name == '\0') continue;
+        expect("c/capture.toml: actor: expected a name without folder",
+               [&] { folder.write("c/capture.toml", "actor = " + quoted); });
+        expect("c/capture.toml: motion: expected a name without folder",
+               [&] { folder.write("c/capture.toml", "motion = " + quoted); });
+    }
+    expect("c/capture.toml: motion: expected a name without folder, of 200 bytes at most", [&] {
+        folder.write("c/capture.toml", fmt::format("motion = \"{}\"", std::string(201, 'x')));
+    });
+    expect("c/images: expected a name without folder",
+           [&] { writePicture(c / "images/a\nb.png", 40, 30, 3, 0); });
+    // Numbers of which nothing is left in single precision.
+    expect("c/poses.npz: transl: expected numbers from -1000000 to 1000000, found 1e+30 in frame 1",
+           [&] {
+               PoseValues values(3);
+               values.transl[5] = 1e30f;
+               values.write(c / "poses.npz");
+           });
+    expect("c/poses.npz: body_pose: expected numbers from -10000 to 10000, found -1e+20", [&] {
+        PoseValues values(3);
+        values.body[7] = -1e20f;
+        values.write(c / "poses.npz");
+    });
+    expect("c/poses.npz: betas: expected numbers from -1000 to 1000, found 1e+09", [&] {
+        PoseValues values(3);
+        values.betas[1] = 1e9f;
+        values.write(c / "poses.npz");
+    });
+    expect("c/cameras.npz: extrinsic: expected a translation", [&] {
+        writeCameras(c, {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 1e300, 0, 0, 0, 1});
+    });
+    expect("c/cameras.npz: intrinsic: expected numbers from -10000000 to 10000000, found 1e+300",
+           [&] {
+               Npz npz = readNpz(c / "cameras.npz");
+               npz.set("intrinsic",
+                       Array::f64({3, 3}, std::vector<double>{1e300, 0, 0, 0, 1, 0, 0, 0, 1}));
+               writeNpz(c / "cameras.npz", npz, false);
+           });
     expect("c/capture.toml: line 2: not TOML",
            [&] { folder.write("c/capture.toml", "fps = 25\nname = "); });
     expect("c/capture.toml: fps: expected frames per second, from 0 to 10000, found -1",
@@ -500,6 +541,10 @@ TEST(Crop, BoxHoldsTheBody) {
     joints[3][2] = -1;
     EXPECT_EQ(messageOf<InputError>([&] { cropBox(camera, joints, "f3"); }),
               "f3: expected the body before the camera, found joint 3 at z = -1.000 m");
+    // So far off that all joints fall on one point of the picture.
+    joints.assign(24, {0, 0, 1e30});
+    EXPECT_NE(messageOf<InputError>([&] { cropBox(camera, joints, "f3"); }).find("f3: expected"),
+              std::string::npos);
 }
 
 TEST(Keypoints, NameTheirJoints) {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <set>
 #include <sstream>
@@ -132,12 +133,20 @@ std::map<std::string, fs::path> picturesIn(const fs::path& folder) {
 
 // ---- files --------------------------------------------------------------------------------------
 
-template <typename... Sizes>
-void requireFinite(std::span<const float> values, const std::string& what, size_t perFrame) {
+// Beyond these a number is a mistake, and single precision leaves nothing of the body.
+constexpr double kMostMetres = 1e6, kMostRadians = 1e4, kMostDeviations = 1e3, kMostPixels = 1e7;
+
+void requireFinite(std::span<const float> values, const std::string& what, size_t perFrame,
+                   double most = std::numeric_limits<double>::infinity()) {
     for (size_t i = 0; i < values.size(); ++i) {
-        if (std::isfinite(values[i])) continue;
-        throwInput("{}: expected finite numbers, found {} in frame {}, element {}", what, values[i],
-                   i / perFrame, i % perFrame);
+        if (!std::isfinite(values[i])) {
+            throwInput("{}: expected finite numbers, found {} in frame {}, element {}", what,
+                       values[i], i / perFrame, i % perFrame);
+        }
+        if (std::abs(double(values[i])) > most) {
+            throwInput("{}: expected numbers from {} to {}, found {} in frame {}, element {}", what,
+                       -most, most, values[i], i / perFrame, i % perFrame);
+        }
     }
 }
 
@@ -154,9 +163,9 @@ Poses readPoses(const fs::path& path, bool needBetas) {
     const auto body = npz.at("body_pose").requireShape({-1, 69}).toF32();
     const auto transl = npz.at("transl").requireShape({-1, 3}).toF32();
     const auto file = path.string();
-    requireFinite(orient, file + ": global_orient", 3);
-    requireFinite(body, file + ": body_pose", 69);
-    requireFinite(transl, file + ": transl", 3);
+    requireFinite(orient, file + ": global_orient", 3, kMostRadians);
+    requireFinite(body, file + ": body_pose", 69, kMostRadians);
+    requireFinite(transl, file + ": transl", 3, kMostMetres);
     const size_t frames = orient.size() / 3;
     if (frames == 0) throwInput("{}: global_orient: expected one frame or more, found none", file);
     if (body.size() / 69 != frames) {
@@ -180,7 +189,7 @@ Poses readPoses(const fs::path& path, bool needBetas) {
         // Some programs write [1, 10].
         if (array.shape != std::vector<int64_t>{1, 10}) array.requireShape({10});
         const auto betas = array.toF32();
-        requireFinite(betas, file + ": betas", 10);
+        requireFinite(betas, file + ": betas", 10, kMostDeviations);
         std::copy(betas.begin(), betas.end(), poses.betas.begin());
     }
     if (const Array* fps = npz.find("fps")) poses.fps = fps->scalar();
@@ -281,6 +290,11 @@ Cameras readCameras(const fs::path& path, size_t frames) {
                 fmt::join(m.begin() + 3, m.begin() + 6, " "),
                 fmt::join(m.begin() + 6, m.end(), " "));
         }
+        for (size_t i : {0u, 2u, 4u, 5u}) {
+            if (std::abs(m[i]) <= kMostPixels) continue;
+            throwInput("{}: intrinsic: expected numbers from {} to {}, found {} in frame {}", file,
+                       -kMostPixels, kMostPixels, m[i], f);
+        }
         result.cameras.push_back({m[0], m[4], m[2], m[5], int(widths[f]), int(heights[f])});
     }
     result.extrinsics.resize(frames);
@@ -288,6 +302,13 @@ Cameras readCameras(const fs::path& path, size_t frames) {
         const auto values = matrices(*extrinsic, 4, frames, file + ": extrinsic");
         for (size_t f = 0; f < frames; ++f) {
             result.extrinsics[f] = rigidOf(values[f], file + ": extrinsic");
+            for (double metres : result.extrinsics[f].translation) {
+                if (std::abs(metres) <= kMostMetres) continue;
+                throwInput(
+                    "{}: extrinsic: expected a translation from {} to {} m, found {} in "
+                    "frame {}",
+                    file, -kMostMetres, kMostMetres, metres, f);
+            }
         }
     }
     return result;
@@ -333,6 +354,8 @@ Notes readNotes(const fs::path& folder) {
         if (node == nullptr) continue;
         if (!node->is_string()) throwInput("{}: {}: expected a text", file, key);
         *text = **node->as_string();
+        // Folders of results are named after these two; an empty one says nothing.
+        if (text != &notes.name && !text->empty()) requireFileName(*text, file + ": " + key);
     }
     if (const auto* node = table.get("fps")) {
         const auto fps = node->value<double>();
@@ -345,13 +368,10 @@ Notes readNotes(const fs::path& folder) {
         std::set<std::string> seen;
         for (const toml::node& element : *list) {
             const auto name = element.value<std::string>();
-            if (!element.is_string() || name->empty() || name->find('/') != std::string::npos ||
-                name->starts_with('.')) {
-                throwInput(
-                    "{}: frames: expected names of pictures without folder and extension, "
-                    "found {}",
-                    file, element.is_string() ? "\"" + *name + "\"" : "something else");
+            if (!element.is_string()) {
+                throwInput("{}: frames: expected names of pictures, found something else", file);
             }
+            requireFileName(*name, file + ": frames");
             if (!seen.insert(*name).second) {
                 throwInput("{}: frames: expected each name once, found \"{}\" twice", file, *name);
             }
@@ -558,7 +578,10 @@ Capture readCapture(const fs::path& folder) {
     const auto images = picturesIn(folder / "images");
     std::vector<std::string> names = notes.frames;
     if (names.empty()) {
-        for (const auto& [name, path] : images) names.push_back(name);
+        for (const auto& [name, path] : images) {
+            requireFileName(name, (folder / "images").string());
+            names.push_back(name);
+        }
         std::sort(names.begin(), names.end(), naturallyBefore);
     }
     if (names.empty()) {
@@ -826,6 +849,12 @@ CropBox cropBox(const Camera& camera, std::span<const std::array<double, 3>> joi
     for (const auto& joint : joints) {
         const auto [x, y] = camera.project(joint);
         largest = std::max(largest, std::hypot(x - u, y - v));
+    }
+    if (!(largest > 0) || !std::isfinite(u + v + largest)) {
+        throwInput(
+            "{}: expected the body before the camera, found it too far off to be seen: "
+            "{:.3g} m",
+            where, joints[0][2]);
     }
     return {u, v, 1.1 * largest};
 }

@@ -4,9 +4,11 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <system_error>
 
 #include "engine/error.h"
+#include "engine/printable.h"
 
 namespace doppel {
 namespace fs = std::filesystem;
@@ -23,6 +25,17 @@ fs::path resolved(const fs::path& path) {
 }
 
 }  // namespace
+
+void requireFileName(std::string_view name, std::string_view where) {
+    constexpr size_t kLongest = 200;  // of the 255 bytes that file systems take
+    const bool plain = std::ranges::none_of(
+        name, [](unsigned char c) { return c == '/' || c == '\\' || c < 0x20 || c == 0x7f; });
+    if (!name.empty() && !name.starts_with('.') && plain && name.size() <= kLongest) return;
+    throwInput(
+        "{}: expected a name without folder, of {} bytes at most, with no dot first and no control "
+        "characters, found \"{}\"",
+        where, kLongest, printable(name));
+}
 
 void createFolders(const fs::path& folder) {
     std::error_code error;

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <string>
+#include <string_view>
 
 namespace doppel {
 
@@ -28,6 +29,12 @@ private:
     std::string marker_;
     bool pending_ = false;
 };
+
+// The one place where names that come from files are looked at before they become part of a path.
+// InputError that starts with `where` unless it is the name of one visible file or folder: no
+// separator, no dot first, no control character, not empty, and short enough that an extension and
+// a temporary name's ending find room beside it.
+void requireFileName(std::string_view name, std::string_view where);
 
 // mkdir -p with one clear error: InputError where a file is in the way, MachineError where the
 // system refuses.
