@@ -1,4 +1,5 @@
 // Exported avatars, read back by another reader and skinned by hand: the same bodies as lbs gives.
+#include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/export.h"
 
 #define TINYGLTF_NO_INCLUDE_JSON

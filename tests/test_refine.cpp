@@ -7,6 +7,7 @@
 
 #include "tests/files.h"
 #include "tests/op_test.h"
+#include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/bake.h"
 #include "trainer/avatar/rendering.h"
 #include "trainer/commands/commands.h"

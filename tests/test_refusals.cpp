@@ -18,6 +18,7 @@
 #include "tests/files.h"
 #include "tests/op_test.h"
 #include "trainer/avatar/avatar.h"
+#include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/avatar/networks.h"
 #include "trainer/data/session.h"

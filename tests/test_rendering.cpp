@@ -1,4 +1,5 @@
 // Pictures of avatars: where cameras put them, on which background, into which files.
+#include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/rendering.h"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,5 @@
 // The whole job in small: a capture of the synthetic actor, fit, mesh, texture, an avatar on disk.
+#include "trainer/avatar/avatar_renderer.h"
 #include "trainer/stages/train.h"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,5 @@
 // The viewer in a real window, driven by mouse and keys as a user drives it.
+#include "trainer/avatar/avatar_renderer.h"
 #include "viewer/viewer.h"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,5 @@
 #include "viewer/painter.h"
+#include "trainer/avatar/avatar_renderer.h"
 
 #include <chrono>
 

@@ -7,6 +7,7 @@
 #include "nn/ops/body.h"
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/avatar/networks.h"
+#include "trainer/data/body_render.h"
 #include "trainer/motion/joints.h"
 
 namespace doppel {

@@ -10,6 +10,7 @@
 #include <span>
 #include <vector>
 
+#include "engine/device.h"
 #include "trainer/avatar/avatar.h"
 #include "view/params.h"
 

@@ -20,7 +20,6 @@ constexpr std::array<uint8_t, BodyModel::kJoints> kPartOfJoint = {
     kTorso,       kLeftFoot,     kRightFoot,  kTorso,     kLeftFoot,     kRightFoot,
     kHead,        kTorso,        kTorso,      kHead,      kLeftUpperArm, kRightUpperArm,
     kLeftForearm, kRightForearm, kLeftHand,   kRightHand, kLeftHand,     kRightHand};
-constexpr int kHeadJoint = 15;
 
 // Reads arrays of one file and says in one line what is wrong with them.
 struct Reader {
@@ -93,7 +92,7 @@ std::vector<uint8_t> faceFromWeights(const BodyModel& body) {
     double depth = 0, low = INFINITY, high = -INFINITY;
     for (size_t v = 0; v < body.part.size(); ++v) {
         const float* row = &body.weights[v * BodyModel::kJoints];
-        if (std::max_element(row, row + BodyModel::kJoints) - row != kHeadJoint) continue;
+        if (std::max_element(row, row + BodyModel::kJoints) - row != joint::kHead) continue;
         head.push_back(v);
         auto y = static_cast<double>(body.templateVertices[3 * v + 1]);
         depth += static_cast<double>(body.templateVertices[3 * v + 2]);

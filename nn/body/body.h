@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "engine/npz.h"
+#include "nn/body/joint.h"
 
 namespace doppel {
 
@@ -33,7 +34,7 @@ enum BodyPart : uint8_t {
 
 // Rest pose: metres, y up, x to the body's left, z forward. C order.
 struct BodyModel {
-    static constexpr int kJoints = 24, kShapes = 10, kPoseFeatures = 207;
+    static constexpr int kJoints = kJointCount, kShapes = 10, kPoseFeatures = 9 * (kJoints - 1);
 
     std::string file;  // for errors
     int64_t vertexCount = 0, faceCount = 0, uvCount = 0;

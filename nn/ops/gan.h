@@ -8,12 +8,12 @@
 
 namespace doppel {
 
-// loss = mean softplus(-x) for logits that should say "real", mean softplus(x) for "fake": the
-// log-likelihood loss of Goodfellow et al., -log D and -log(1 - D) with D = sigmoid(x). A generator
-// takes real = true on its fakes, whose gradient does not vanish where the discriminator is sure.
-// x any shape, loss []. Gradient to x.
+// L_G by log-likelihood: mean softplus(-x) for logits that should say "real", mean softplus(x) for
+// "fake": the log-likelihood loss of Goodfellow et al., -log D and -log(1 - D) with D = sigmoid(x).
+// A generator takes real = true on its fakes, whose gradient does not vanish where the
+// discriminator is sure. x any shape, loss []. Gradient to x.
 Tensor logGanLoss(Graph& graph, const Tensor& x, bool real);
-// loss = mean (x - 1)^2 or mean x^2: least squares (Mao et al., ICCV 2017). Likewise.
+// L_G by least squares: mean (x - 1)^2 or mean x^2 (Mao et al., ICCV 2017). Likewise.
 Tensor leastSquaresGanLoss(Graph& graph, const Tensor& x, bool real);
 
 // The size x size pixels of each picture around its centre; 0 outside the picture. Windows start at

@@ -7,14 +7,14 @@
 
 namespace doppel {
 
-// loss = 1 - sum p g / sum (p + g - p g) over all elements: soft intersection over union, of one
-// picture or of a batch. predicted, target: the same shape, values in [0,1]. Both empty: 0.
-// Gradient to predicted.
+// L_s = 1 - sum p g / sum (p + g - p g) over all elements: soft intersection over union of the
+// silhouettes p = Î_s and g = I_s, of one picture or of a batch. predicted, target: the same shape,
+// values in [0,1]. Both empty: 0. Gradient to predicted.
 Tensor silhouetteIouLoss(Graph& graph, const Tensor& predicted, const Tensor& target);
 
-// loss = sum |predicted - target| mask / sum mask: the mask counts pixels, the difference all
-// channels. predicted, target [...,C]; mask [...]. Gradient to predicted, none where it equals
-// the target.
+// L_pt = sum |predicted - target| mask / sum mask = ‖(Î − I) ⊗ B‖₁ / ‖B‖₁ with the mask B, and both
+// terms of L_r with B and C: the mask counts pixels, the difference all channels. predicted, target
+// [...,C]; mask [...]. Gradient to predicted, none where it equals the target.
 Tensor maskedL1Loss(Graph& graph, const Tensor& predicted, const Tensor& target,
                     const Tensor& mask);
 

@@ -15,17 +15,18 @@ namespace doppel {
 Tensor vertexNormals(Graph& graph, const Tensor& verts, const MeshTensors& mesh,
                      const ListedRows& rows = {});
 
-// Mean over the vertices of |(mean of the neighbours) - v|, not squared. A vertex without
+// L_gl: mean over the vertices of |(mean of the neighbours) - v|, not squared. A vertex without
 // neighbours contributes zero. verts [V,3], result []. Gradient to verts; zero where the length is.
 Tensor laplacianLoss(Graph& graph, const Tensor& verts, const MeshTensors& mesh);
 
-// Mean over the pairs of faces that share an edge of 1 - cos(n0, n1), the pair being wound
+// L_gn: mean over the pairs of faces that share an edge of 1 - cos(n0, n1), the pair being wound
 // consistently whatever the order of its corners; 0 without pairs. A pair with a face of no area
 // counts 1 and has no gradient. verts [V,3], result []. Gradient to verts.
 Tensor normalConsistencyLoss(Graph& graph, const Tensor& verts, const MeshTensors& mesh);
 
-// y = verts + clamp(offset, -limit, +limit) per component. verts [V,3], offset [V,3], limit [V].
-// Gradients to verts and to offset, zero where |offset| >= limit.
+// v' = v + clamp(u, -K(v), +K(v)) per component, the offsets u and the limits K of the method.
+// verts [V,3], offset [V,3], limit [V]. Gradients to verts and to offset, zero where |offset| >=
+// limit.
 Tensor offsetClamp(Graph& graph, const Tensor& verts, const Tensor& offset, const Tensor& limit,
                    const ListedRows& rows = {});
 

@@ -44,11 +44,11 @@ struct RasterOptions {
     uint32_t largeBox = 1024;
 };
 
-// silhouette[H,W] = 1 - prod over faces of (1 - sigmoid(+-d^2 / sigma)): d the distance from the
-// pixel's centre to the face's boundary in NDC (the picture's shorter side spans 2), + inside; over
-// all faces that cover the pixel or have d^2 < blurRadius. Faces of |2 area| <= 1e-8 NDC^2 count
-// for nothing. verts [V,3]. Gradient to verts; which faces count, inside or outside, and which edge
-// is nearest are constants of it.
+// Î_s = Π_s(M), silhouette[H,W] = 1 - prod over faces of (1 - sigmoid(+-d^2 / sigma)): d the
+// distance from the pixel's centre to the face's boundary in NDC (the picture's shorter side spans
+// 2), + inside; over all faces that cover the pixel or have d^2 < blurRadius. Faces of |2 area| <=
+// 1e-8 NDC^2 count for nothing. verts [V,3]. Gradient to verts; which faces count, inside or
+// outside, and which edge is nearest are constants of it.
 Tensor softSilhouette(Graph& graph, const RasterMesh& mesh, const Tensor& verts,
                       const Tensor& camera, int64_t height, int64_t width,
                       const RasterOptions& options = {});
@@ -101,7 +101,7 @@ SampledRender sampledRender(Graph& graph, const RasterMesh& mesh, const Tensor& 
                             int64_t height, int64_t width, int64_t samples,
                             const RasterOptions& options = {});
 
-// visibility[size,size]: 1 at texels whose centre lies in a face (edges included) with
+// x_v = U(M), visibility[size,size]: 1 at texels whose centre lies in a face (edges included) with
 // dot(n, -v0) > 0, n = (v1 - v0) x (v2 - v0); 0 elsewhere. No gradients.
 Tensor visibilityMap(Graph& graph, const RasterMesh& mesh, const Tensor& verts,
                      const RasterAtlas& atlas, int64_t size, const RasterOptions& options = {});

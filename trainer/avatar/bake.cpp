@@ -4,6 +4,7 @@
 #include <cmath>
 #include <glm/glm.hpp>
 
+#include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/networks.h"
 
 namespace doppel {

@@ -9,6 +9,7 @@
 
 #include "engine/error.h"
 #include "nn/body/body.h"
+#include "trainer/avatar/avatar_renderer.h"
 #include "trainer/data/sheet.h"
 #include "trainer/motion/joints.h"
 

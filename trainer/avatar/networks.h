@@ -1,9 +1,7 @@
 // The method's networks as an avatar's preset sizes them.
 #pragma once
 
-#include <filesystem>
 #include <span>
-#include <string>
 #include <vector>
 
 #include "nn/steps/mesh_step.h"
@@ -71,37 +69,6 @@ private:
 // Values and running statistics.
 WeightMap weightsOf(const TextureUnet& unet);
 
-// ---- what the stages share ----------------------------------------------------------------------
-
 AdamWOptions adamwOptions(double beta1, double beta2, double weightDecay);
-// Of step i, counting from 0.
-StepParams stepParams(int64_t i, uint64_t seed, double rate, const AdamWOptions& options);
-
-// Sizes and numbers of a stage, for checkpoints of it: the body's, and the preset's.
-std::map<std::string, std::string> stageIdentity(const Avatar& avatar, const std::string& stage);
-
-// An output of one number, of the newest replay or of the one before (back = 1). MachineError
-// naming stage and step where it is not finite.
-double readLoss(Graph& graph, const Tensor& loss, const char* stage, int64_t step, int back = 0);
-
-// Memory before the first step, and time per op, on stdout.
-void printPlan(const char* stage, const Graph& graph, const Parameters& parameters);
-void printProfile(const char* stage, Graph& graph);
-
-// True every so many seconds; never for 0.
-class PictureClock {
-public:
-    explicit PictureClock(double seconds);
-    bool due();
-
-private:
-    double seconds_;
-    double last_;
-};
-
-// What a run is at, for whoever looks: OUT/progress.png, a few frames with the avatar in its
-// present state over them, and that avatar itself in liveFolder(OUT).
-void writeState(Device& device, const Avatar& avatar, const Capture& capture, FrameCache& frames,
-                const std::filesystem::path& out);
 
 }  // namespace doppel

@@ -7,6 +7,7 @@
 #include <glm/gtc/quaternion.hpp>
 
 #include "engine/io/image.h"
+#include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/export.h"
 #include "trainer/data/background.h"
 #include "trainer/data/picture_sequence.h"

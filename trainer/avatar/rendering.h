@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/device.h"
 #include "trainer/avatar/avatar.h"
 #include "trainer/data/capture.h"
 

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "engine/atomic_file.h"
+#include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/export.h"
 #include "trainer/avatar/rendering.h"
 #include "trainer/commands/commands.h"

@@ -8,7 +8,7 @@
 namespace doppel {
 
 BodyPoser::BodyPoser(Device& device, const BodyModel& body) : graph_(device) {
-    theta_ = graph_.input({72});
+    theta_ = graph_.input({kThetaSize});
     trans_ = graph_.input({3});
     beta_ = graph_.input({10});
     LbsModel model = lbsModel(graph_, body);

@@ -32,6 +32,7 @@
 #include <vector>
 
 #include "engine/npz.h"
+#include "nn/body/joint.h"
 #include "trainer/data/output_folder.h"
 
 namespace doppel {
@@ -49,9 +50,9 @@ struct Camera {
     bool operator==(const Camera&) const = default;
 };
 
-using Theta = std::array<float, 72>;  // axis-angle, 24 joints in SMPL's order, radians
-using Trans = std::array<float, 3>;   // metres
-using Betas = std::array<float, 10>;  // standard deviations
+using Theta = std::array<float, kThetaSize>;  // axis-angle, joints in SMPL's order, radians
+using Trans = std::array<float, 3>;           // metres
+using Betas = std::array<float, 10>;          // standard deviations
 
 struct Frame {
     std::string name;  // of its files, without extension

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "engine/io/image.h"
+#include "trainer/avatar/avatar_renderer.h"
 #include "trainer/data/background.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"

@@ -1,4 +1,4 @@
-// SMPL's 24 joints by name, and rotations between the forms in which thetas and formulas hold them.
+// SMPL's joints by name, and rotations between the forms in which thetas and formulas hold them.
 #pragma once
 
 #include <array>
@@ -8,40 +8,10 @@
 #include <optional>
 #include <string_view>
 
+#include "nn/body/joint.h"
 #include "trainer/data/capture.h"
 
 namespace doppel {
-
-// Numbers of the joints, in SMPL's order. Left and right are the body's own.
-namespace joint {
-enum Number : size_t {
-    kPelvis,
-    kLeftHip,
-    kRightHip,
-    kSpine1,
-    kLeftKnee,
-    kRightKnee,
-    kSpine2,
-    kLeftAnkle,
-    kRightAnkle,
-    kSpine3,
-    kLeftFoot,  // where the toes begin
-    kRightFoot,
-    kNeck,
-    kLeftCollar,
-    kRightCollar,
-    kHead,
-    kLeftShoulder,
-    kRightShoulder,
-    kLeftElbow,
-    kRightElbow,
-    kLeftWrist,
-    kRightWrist,
-    kLeftHand,  // the knuckles
-    kRightHand,
-    kCount,
-};
-}  // namespace joint
 
 // The default body's pelvis in the rest pose, metres, which is where SMPL's lies for the mean
 // shape. Poses turn about it, so moving them from one space into another takes it.

@@ -29,10 +29,13 @@ constexpr AdamWOptions kAdam{.beta1 = 0.5f, .beta2 = 0.95f, .weightDecay = 0};
 // What it costs a joint to leave its given rotation, relative to the others. Silhouettes say little
 // of hands, feet, head and the twist of the spine.
 std::vector<float> jointWeights() {
-    std::vector<float> weights(24, 1);
-    for (size_t spine : {3u, 6u, 9u, 12u, 13u, 14u}) weights[spine] = 2;
-    for (size_t end : {15u, 20u, 21u}) weights[end] = 4;
-    for (size_t end : {10u, 11u, 22u, 23u}) weights[end] = 20;
+    std::vector<float> weights(kJointCount, 1);
+    for (size_t spine : {joint::kSpine1, joint::kSpine2, joint::kSpine3, joint::kNeck,
+                         joint::kLeftCollar, joint::kRightCollar})
+        weights[spine] = 2;
+    for (size_t end : {joint::kHead, joint::kLeftWrist, joint::kRightWrist}) weights[end] = 4;
+    for (size_t end : {joint::kLeftFoot, joint::kRightFoot, joint::kLeftHand, joint::kRightHand})
+        weights[end] = 20;
     return weights;
 }
 
@@ -103,12 +106,12 @@ struct FitStep {
         weights.trans = static_cast<float>(preset.priorTheta);
         weights.smooth = video ? static_cast<float>(preset.smoothTheta) : 0.0f;
         weights.shape = static_cast<float>(preset.priorBeta);
-        Tensor joints = graph.constant(std::span<const float>(jointWeights()), {24});
+        Tensor joints = graph.constant(std::span<const float>(jointWeights()), {kJointCount});
         Tensor prior = posePrior(graph, correction, before, after, joints, beta, weights);
 
         std::vector<WeightedTerm> terms{{iouLoss, 1.0f}, {prior, 1.0f}};
         if (keypointCount > 0) {
-            keypoints = graph.input({24, 3});
+            keypoints = graph.input({kJointCount, 3});
             Tensor error = keypointLoss(graph, posed.joints, keypoints, camera,
                                         static_cast<float>(preset.size) * 0.04f);
             terms.push_back({error, static_cast<float>(preset.keypoints)});
@@ -135,7 +138,7 @@ struct FitStep {
 // A frame's keypoints as one target per joint, in the crop's pixels.
 std::vector<float> jointTargets(const Keypoints& keypoints, size_t frame, const CropBox& box,
                                 int size) {
-    std::vector<float> targets(24 * 3);
+    std::vector<float> targets(kJointCount * 3);
     std::span<const int> joints = keypointJoints(keypoints.scheme);
     double scale = size / (2 * box.half);
     for (size_t k = 0; k < joints.size(); ++k) {
@@ -250,8 +253,8 @@ FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
     std::vector<float> rows = step.corrections.read(*step.corrections.find("correction"));
     for (size_t f = 0; f < fitted.size(); ++f) {
         const float* row = &rows[f * static_cast<size_t>(kPoseRow)];
-        for (size_t k = 0; k < 72; ++k) fitted.theta[f][k] += row[k];
-        for (size_t k = 0; k < 3; ++k) fitted.trans[f][k] += kTransScale * row[72 + k];
+        for (size_t k = 0; k < kThetaSize; ++k) fitted.theta[f][k] += row[k];
+        for (size_t k = 0; k < 3; ++k) fitted.trans[f][k] += kTransScale * row[kThetaSize + k];
     }
     if (settings.fitShape) {
         std::vector<float> beta = step.shape.read(*step.shape.find("beta"));

@@ -2,9 +2,11 @@
 // coarse texture network frozen (see nn/steps/refine_step.h).
 #include "nn/steps/refine_step.h"
 
+#include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/bake.h"
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/avatar/networks.h"
+#include "trainer/stages/live_state.h"
 #include "trainer/stages/stage_loop.h"
 #include "trainer/stages/train.h"
 #include "trainer/stages/training_frames.h"
@@ -13,7 +15,6 @@ namespace doppel {
 
 namespace {
 
-constexpr size_t kHeadJoint = 15;   // of SMPL
 constexpr size_t kBakedViews = 48;  // at most
 
 // Evenly spaced frames of the capture.
@@ -48,7 +49,7 @@ void trainRefine(Device& device, Avatar& avatar, const Capture& capture,
         for (size_t i = 0; i < capture.size(); ++i) {
             verts.push_back(renderer.vertices(capture.theta[i], capture.trans[i]));
             PosedMesh posed = poser.pose(capture.theta[i], capture.trans[i], capture.betas);
-            auto [u, v] = frames.camera(i).project(posed.joints.at(kHeadJoint));
+            auto [u, v] = frames.camera(i).project(posed.joints.at(joint::kHead));
             faces.push_back({static_cast<float>(u), static_cast<float>(v)});
         }
     }

@@ -1,11 +1,95 @@
 #include "trainer/stages/stage_loop.h"
 
+#include <algorithm>
+#include <chrono>
+#include <cmath>
 #include <optional>
 
 #include "trainer/avatar/checkpoint.h"
-#include "trainer/avatar/networks.h"
 
 namespace doppel {
+
+namespace {
+
+double secondsNow() {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch())
+        .count();
+}
+
+// True every so many seconds; never for 0.
+class PictureClock {
+public:
+    explicit PictureClock(double seconds) : seconds_(seconds), last_(secondsNow()) {}
+    bool due() {
+        if (seconds_ <= 0 || secondsNow() - last_ < seconds_) return false;
+        last_ = secondsNow();
+        return true;
+    }
+
+private:
+    double seconds_;
+    double last_;
+};
+
+}  // namespace
+
+StepParams stepParams(int64_t i, uint64_t seed, double rate, const AdamWOptions& options) {
+    StepParams params =
+        adamwStepParams(static_cast<uint32_t>(i + 1), static_cast<float>(rate), options);
+    params.seed = static_cast<uint32_t>(seed);
+    return params;
+}
+
+std::map<std::string, std::string> stageIdentity(const Avatar& avatar, const std::string& stage) {
+    std::map<std::string, std::string> identity;
+    identity["vertices"] = fmt::format("{}", avatar.body.vertexCount);
+    for (const auto& [name, value] : presetValues(avatar.preset))
+        if (name.starts_with(stage + ".")) identity[name] = value;
+    return identity;
+}
+
+double readLoss(Graph& graph, const Tensor& loss, const char* stage, int64_t step, int back) {
+    double value = static_cast<double>(graph.readScalar(loss, back));
+    if (!std::isfinite(value))
+        throwMachine("stage {}: a loss became {} at step {}; a lower learning rate may help", stage,
+                     value, step + 1);
+    return value;
+}
+
+void printPlan(const char* stage, const Graph& graph, const Parameters& parameters) {
+    auto mib = [](uint64_t bytes) { return static_cast<double>(bytes) / (1 << 20); };
+    fmt::print(
+        "stage {}: {} dispatches; parameters with gradients and moments {:.1f} MiB, "
+        "activations {:.1f} MiB planned ({:.1f} MiB without reuse)\n",
+        stage, graph.dispatchCount(), mib(parameters.elements() * 4 * Parameters::kSectionCount),
+        mib(graph.temporaryBytes()), mib(graph.unsharedBytes()));
+}
+
+void printProfile(const char* stage, Graph& graph) {
+    struct Sum {
+        int count = 0;
+        double mib = 0, gflop = 0, milliseconds = 0;
+    };
+    std::map<std::string, Sum> sums;
+    Sum all;
+    for (const OpProfile& op : graph.profile())
+        for (Sum* sum : {&sums[op.name], &all}) {
+            sum->count += 1;
+            sum->mib += static_cast<double>(op.bytes) / (1 << 20);
+            sum->gflop += op.flops * 1e-9;
+            sum->milliseconds += op.milliseconds;
+        }
+    std::vector<std::pair<std::string, Sum>> rows(sums.begin(), sums.end());
+    std::ranges::sort(rows, [](const auto& a, const auto& b) {
+        return a.second.milliseconds > b.second.milliseconds;
+    });
+    rows.emplace_back("all", all);
+    fmt::print("{:<36} {:>6} {:>10} {:>9} {:>10}\n", std::string("stage ") + stage, "ops", "MiB",
+               "GFLOP", "ms");
+    for (const auto& [name, sum] : rows)
+        fmt::print("{:<36} {:>6} {:>10.1f} {:>9.2f} {:>10.2f}\n", name, sum.count, sum.mib,
+                   sum.gflop, sum.milliseconds);
+}
 
 bool StageLoop::run(const LoopSettings& settings) {
     bool profiles = settings.profileSteps > 0;

@@ -8,7 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "nn/core/parameters.h"
+#include "nn/ops/optim.h"
+#include "trainer/avatar/avatar.h"
 #include "trainer/data/progress.h"
 
 namespace doppel {
@@ -70,5 +71,19 @@ struct StageLoop {
     // Throws Interrupted with the checkpoint on disk.
     bool run(const LoopSettings& settings);
 };
+
+// Of step i, counting from 0.
+StepParams stepParams(int64_t i, uint64_t seed, double rate, const AdamWOptions& options);
+
+// Sizes and numbers of a stage, for checkpoints of it: the body's, and the preset's.
+std::map<std::string, std::string> stageIdentity(const Avatar& avatar, const std::string& stage);
+
+// An output of one number, of the newest replay or of the one before (back = 1). MachineError
+// naming stage and step where it is not finite.
+double readLoss(Graph& graph, const Tensor& loss, const char* stage, int64_t step, int back = 0);
+
+// Memory before the first step, and time per op, on stdout.
+void printPlan(const char* stage, const Graph& graph, const Parameters& parameters);
+void printProfile(const char* stage, Graph& graph);
 
 }  // namespace doppel

@@ -3,8 +3,10 @@
 #include <cmath>
 
 #include "nn/steps/texture_step.h"
+#include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/avatar/networks.h"
+#include "trainer/stages/live_state.h"
 #include "trainer/stages/stage_loop.h"
 #include "trainer/stages/train.h"
 #include "trainer/stages/training_frames.h"

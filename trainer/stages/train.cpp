@@ -6,6 +6,7 @@
 #include <span>
 
 #include "engine/io/image.h"
+#include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/avatar/networks.h"
 #include "trainer/avatar/rendering.h"
