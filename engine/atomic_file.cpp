@@ -1,6 +1,7 @@
 #include "engine/atomic_file.h"
 
 #include <fcntl.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -40,7 +41,35 @@ int takeSlot(const std::string& name) {
     return -1;
 }
 
+// Of a target that several write at once, each has another.
+constexpr int kAtOnce = 32;
+
+fs::path temporaryName(const fs::path& target, int number) {
+    const fs::path folder = target.has_parent_path() ? target.parent_path() : fs::path(".");
+    return folder / fmt::format(".{}.doppel-tmp-{}{}", target.stem().string(), number,
+                                target.extension().string());
+}
+
+// Whether the descriptor's file is the one that has this name now.
+bool isNamed(int descriptor, const fs::path& path) {
+    struct stat held {
+    }, there{};
+    return ::fstat(descriptor, &held) == 0 && ::lstat(path.c_str(), &there) == 0 &&
+           held.st_dev == there.st_dev && held.st_ino == there.st_ino;
+}
+
 }  // namespace
+
+void removeLeftovers(const fs::path& target) noexcept {
+    for (int number = 0; number < kAtOnce; ++number) {
+        const fs::path path = temporaryName(target, number);
+        const int descriptor = ::open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK);
+        if (descriptor < 0) continue;
+        if (::flock(descriptor, LOCK_EX | LOCK_NB) == 0 && isNamed(descriptor, path))
+            ::unlink(path.c_str());
+        ::close(descriptor);
+    }
+}
 
 void removeTemporaryFiles() noexcept {
     for (Slot& slot : gSlots) {
@@ -50,6 +79,7 @@ void removeTemporaryFiles() noexcept {
 
 void AtomicFile::forget() noexcept {
     pending_ = false;
+    if (lock_ >= 0) ::close(std::exchange(lock_, -1));
     if (slot_ < 0) return;
     gSlots[slot_].ready = false;
     gSlots[slot_].taken = false;
@@ -79,19 +109,28 @@ AtomicFile::AtomicFile(fs::path target) : target_(std::move(target)) {
                    folder.string());
     }
 
-    static std::atomic<unsigned> counter{0};
-    for (int attempt = 0; attempt < 100; ++attempt) {
-        temporary_ = folder / fmt::format(".{}.tmp-{}-{}{}", target_.stem().string(), getpid(),
-                                          counter.fetch_add(1), target_.extension().string());
+    removeLeftovers(target_);
+    int error = EEXIST;
+    for (int number = 0; number < kAtOnce && error == EEXIST; ++number) {
+        temporary_ = temporaryName(target_, number);
         descriptor_ = ::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-        if (descriptor_ >= 0) {
-            pending_ = true;
-            slot_ = takeSlot(fs::absolute(temporary_, ignored).string());
-            return;
+        if (descriptor_ < 0) {
+            error = errno;
+            continue;
         }
-        if (errno != EEXIST) break;  // a leftover of a killed process: take the next number
+        // Another writer that begins just now may take it for a leftover. Where the file system
+        // has no locks nobody does.
+        const bool taken = ::flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+        if (taken || !isNamed(descriptor_, temporary_)) {
+            closeDescriptor();
+            continue;
+        }
+        lock_ = ::fcntl(descriptor_, F_DUPFD_CLOEXEC, 0);
+        pending_ = true;
+        slot_ = takeSlot(fs::absolute(temporary_, ignored).string());
+        return;
     }
-    fail("create", errno);
+    fail("create", error);
 }
 
 AtomicFile::~AtomicFile() {

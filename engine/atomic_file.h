@@ -13,7 +13,7 @@
 namespace doppel {
 
 // One file being written. Without commit() the destructor deletes the temporary file and the target
-// stays as it was.
+// stays as it was. What a killed process has left is deleted by the next one that writes there.
 //
 //     AtomicFile file("out/points.bin");
 //     file.write(points.data(), points.size() * sizeof(float));
@@ -48,10 +48,14 @@ private:
     void forget() noexcept;  // the temporary file is gone
 
     std::filesystem::path target_, temporary_;
-    int descriptor_ = -1;
-    bool pending_ = false;  // a temporary file exists
-    int slot_ = -1;         // where removeTemporaryFiles() finds its name
+    int descriptor_ = -1, lock_ = -1;  // the lock tells other writers that this one lives
+    bool pending_ = false;             // a temporary file exists
+    int slot_ = -1;                    // where removeTemporaryFiles() finds its name
 };
+
+// Deletes temporary files of this target that killed processes have left, as every writer of it
+// does when it begins; never those of one that lives.
+void removeLeftovers(const std::filesystem::path& target) noexcept;
 
 // Deletes the temporary files of this process that are not committed yet: for a signal handler that
 // ends the process, where no destructor runs (async-signal-safe).

@@ -234,7 +234,7 @@ TEST(Capture, LeavesNothingHalfWritten) {
     folder.write("theirs/notes.txt", "x");
     EXPECT_NE(messageOf<InputError>([&] {
                   writeCapture(capture, folder / "theirs");
-              }).find("expected an empty folder or one with capture.toml"),
+              }).find("expected an empty folder or one that Doppel wrote as capture"),
               std::string::npos);
     folder.write("file", "x");
     EXPECT_NE(messageOf<InputError>([&] {

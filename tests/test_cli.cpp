@@ -354,20 +354,32 @@ TEST(LossLog, CurvesGoOnWhereARunResumes) {
     EXPECT_EQ(std::string((std::istreambuf_iterator<char>(fresh)), {}), "step,loss,iou\n");
 }
 
-TEST(Progress, TheSecondInterruptKills) {
+// How a child ends that gets these signals, and says after each whether it knows.
+int endedBy(const std::vector<int>& signals, bool nohup = false) {
     const pid_t child = fork();
     if (child == 0) {
+        if (nohup) signal(SIGHUP, SIG_IGN);
         catchInterrupts();
         if (interrupted()) _exit(1);
-        raise(SIGINT);
-        if (!interrupted()) _exit(2);
-        raise(SIGINT);
-        _exit(3);
+        for (int number : signals) {
+            raise(number);
+            if (!interrupted()) _exit(2);
+        }
+        _exit(interruptStatus());
     }
     int status = 0;
     waitpid(child, &status, 0);
-    ASSERT_TRUE(WIFSIGNALED(status)) << WEXITSTATUS(status);
-    EXPECT_EQ(WTERMSIG(status), SIGINT);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
+}
+
+TEST(Progress, TheThirdInterruptKills) {
+    EXPECT_EQ(endedBy({SIGINT}), 130);
+    EXPECT_EQ(endedBy({SIGTERM}), 143);
+    EXPECT_EQ(endedBy({SIGHUP}), 129);
+    EXPECT_EQ(endedBy({SIGINT, SIGINT}), 130) << "a hasty second one spoils nothing";
+    EXPECT_EQ(endedBy({SIGTERM, SIGINT}), 143) << "the first one counts";
+    EXPECT_EQ(endedBy({SIGINT, SIGINT, SIGINT}), -SIGINT);
+    EXPECT_EQ(endedBy({SIGHUP}, true), 2) << "nohup stays nohup";
 }
 
 }  // namespace

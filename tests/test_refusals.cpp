@@ -69,8 +69,10 @@ struct Outcome {
     }
 };
 
-// Runs a command line; `inChild` is called before it starts (only system calls).
-Outcome start(const std::vector<std::string>& words, void (*inChild)() = nullptr) {
+// Runs a command line; `inChild` is called before it starts (only system calls), `meanwhile` while
+// it runs.
+Outcome start(const std::vector<std::string>& words, void (*inChild)() = nullptr,
+              const std::function<void(pid_t)>& meanwhile = {}) {
     Folder io;
     std::string out = (io / "out").string(), err = (io / "err").string();
     std::vector<char*> arguments;
@@ -84,14 +86,16 @@ Outcome start(const std::vector<std::string>& words, void (*inChild)() = nullptr
         _exit(127);
     }
     int status = 0;
+    if (meanwhile) meanwhile(child);
     waitpid(child, &status, 0);
     return {WIFEXITED(status) ? WEXITSTATUS(status) : 1000 + WTERMSIG(status), bytesOf(out),
             bytesOf(err)};
 }
 
-Outcome doppel(std::vector<std::string> words, void (*inChild)() = nullptr) {
+Outcome doppel(std::vector<std::string> words, void (*inChild)() = nullptr,
+               const std::function<void(pid_t)>& meanwhile = {}) {
     words.insert(words.begin(), program().string());
-    return start(words, inChild);
+    return start(words, inChild, meanwhile);
 }
 
 // ---- what a user has ----------------------------------------------------------------------------
@@ -379,6 +383,153 @@ TEST_F(Refusals, FilesCutShort) {
     }
 }
 
+TEST_F(Refusals, PosesBeyondAllBounds) {
+    Npz poses = readNpz(*this / "capture/poses.npz");
+    std::vector<float> transl = poses.at("transl").toF32();
+    transl[5] = 1e30f;
+    poses.set("transl", Array::f32({kFrames, 3}, transl));
+    writeNpz(*this / "capture/poses.npz", poses, false);
+    write(*this / "source/smpl_pose/f2.png_body.pkl", posePickle(Theta{}, {0, 0, 1e30f}));
+    const char* sentence =
+        "poses.npz: transl: expected numbers from -1000000 to 1000000, found "
+        "1e+30 in frame 1";
+    for (const auto& words :
+         {fit(at("results/f")), train(at("results/a"), "fit"), render(at("results/r")),
+          exporting(at("results/a.glb")), eval(at("results/p"))})
+        refuses(words, sentence, 2);
+    refuses(import(at("results/c")), "1e+30", 2, false);
+}
+
+TEST_F(Refusals, NetworksThatAreNotNumbers) {
+    Safetensors net = readSafetensors(*this / "avatar/texture_net.safetensors");
+    net.tensors.begin()->second.values[0] = std::nanf("");
+    writeSafetensors(*this / "avatar/texture_net.safetensors", net);
+    const std::string sentence = "texture_net.safetensors: " + net.tensors.begin()->first +
+                                 ": expected finite numbers, found nan in element 0";
+    for (const auto& words : {render(at("results/r")), exporting(at("results/a.glb")),
+                              eval(at("results/p")), train(at("avatar"), "refine")})
+        refuses(words, sentence, 2);
+}
+
+TEST_F(Refusals, NamesThatLeadElsewhere) {
+    for (const char* name : {"../../elsewhere", "/tmp/elsewhere", ".."})
+        for (const char* key : {"motion", "actor"}) {
+            write(*this / "capture/capture.toml", fmt::format("{} = \"{}\"\n", key, name));
+            fs::create_directories(*this / "all/actor");
+            fs::create_directory_symlink(*this / "capture", *this / "all/actor/motion");
+            refuses({"eval", at("avatar"), at("all"), "--pictures", at("results/p")},
+                    fmt::format("capture.toml: {}: expected a name without folder", key), 2);
+            fs::remove_all(*this / "all");
+        }
+}
+
+// ---- the output is in the way of somebody's files -----------------------------------------------
+
+TEST_F(Refusals, OutputsOverInputs) {
+    for (auto [words, out] : {std::pair{import(at("source")), "source"},
+                              {import(at("source/c")), "source"},
+                              {fit(at("capture")), "capture"},
+                              {fit(at("capture/images")), "capture"},
+                              {fit(folder_->path().string()), "capture"},
+                              {train(at("capture"), "fit"), "capture"},
+                              {train(at("capture/a"), "fit"), "capture"},
+                              {render(at("capture")), "capture"},
+                              {render(at("avatar/r")), "avatar"},
+                              {eval(at("avatar")), "avatar"},
+                              {eval(at("capture/images")), "capture"}})
+        refuses(words, "expected a place apart from the input " + at(out), 2);
+    refuses({"import", at("capture"), "--out", at("capture"), "--frames", "0:2"},
+            "found the input itself", 2);
+    refuses({"ablate", at("capture"), "--out", at("capture/o")}, "a place inside the input", 2);
+    // By way of links, for folders and files.
+    fs::create_directory_symlink(*this / "capture", *this / "alias");
+    refuses(fit(at("alias")), "found the input itself", 2);
+    fs::create_symlink(*this / "capture/poses.npz", *this / "out.glb");
+    refuses(exporting(at("out.glb")), "expected a file apart from the input", 2);
+    fs::create_symlink(*this / "avatar/texture.png", *this / "out.mp4");
+    refuses(render(at("out.mp4")), "expected a file apart from the input", 2);
+}
+
+TEST_F(Refusals, OutputsOverSomebodysFiles) {
+    // A file, and links, where a training is to write.
+    write(*this / "notes.txt", "mine");
+    refuses(train(at("notes.txt"), "fit"), "found a file in the way; name another place", 2);
+    fs::create_symlink("notes.txt", *this / "link");
+    fs::create_symlink("nowhere", *this / "dangling");
+    for (const char* name : {"link", "dangling"})
+        refuses(train(at(name), "fit"), "expected a folder or nothing", 2);
+    // Folders of somebody's, in which names agree by chance.
+    struct Case {
+        std::vector<std::string> words;
+        const char* file;
+    };
+    const fs::path own = *this / "own";
+    for (const Case& one :
+         {Case{train(own.string(), "fit"), "body.npz"},
+          Case{train(own.string(), "fit"), "checkpoints/model.safetensors"},
+          Case{train(own.string(), "fit"), "log/events/fit/mine"},
+          Case{import(own.string()), "capture.toml"}, Case{fit(own.string()), "raw.mp4"},
+          Case{render(own.string()), "0000.png"}, Case{eval(own.string()), "f1.png"},
+          Case{{"eval", at("avatar"), at("capture"), "--out", own.string()}, "results.csv"},
+          Case{{"demo", "--out", own.string()}, "metrics.json"},
+          Case{{"ablate", at("capture"), "--out", own.string()}, "ablation.md"}}) {
+        fs::create_directories((own / one.file).parent_path());
+        write(own / one.file, "mine");
+        refuses(one.words, fs::path(one.file).begin()->string(), 2, false);
+        fs::remove_all(own);
+    }
+    // Our own capture, with a recording of somebody's beside it.
+    ASSERT_EQ(doppel(fit(at("results/f"))).status, 0);
+    ASSERT_EQ(doppel(fit(at("results/f"))).status, 0) << "our own is replaced";
+    write(*this / "results/f/raw.mp4", "mine");
+    refuses(fit(at("results/f")), "found raw.mp4: name another place", 2);
+    refuses(render(at("results/f")), "found what Doppel wrote as capture: name another", 2);
+    refuses(train(at("results/f"), "fit"), "found what Doppel wrote as capture; name", 2);
+}
+
+// ---- finished, stopped, killed ------------------------------------------------------------------
+
+TEST_F(Refusals, AFinishedTrainingStays) {
+    const std::vector<std::string> words = train(at("results/a"), "fit,mesh");
+    ASSERT_EQ(doppel(words).status, 0);
+    const auto before = tree(*this / "results");
+    const Outcome again = doppel(words);
+    EXPECT_EQ(again.status, 0);
+    EXPECT_NE(again.out.find("it was finished before, and stays as it is"), std::string::npos);
+    EXPECT_EQ(tree(*this / "results"), before);
+    std::vector<std::string> other = words;
+    other.insert(other.end(), {"--set", "mesh.steps=3"});
+    refuses(other, "it has mesh already, trained with mesh.steps = 2, and this run has 3", 2);
+    other.push_back("--restart");
+    EXPECT_EQ(doppel(other).status, 0);
+    EXPECT_NE(tree(*this / "results"), before);
+    EXPECT_EQ(doppel(train(at("results/a"), "texture")).status, 0) << "a stage is added";
+}
+
+TEST_F(Refusals, SignalsLeaveACheckpoint) {
+    struct Case {
+        std::vector<int> signals;
+        int status;
+    };
+    for (const Case& one : {Case{{SIGINT}, 130}, Case{{SIGTERM}, 143}, Case{{SIGHUP}, 129},
+                            Case{{SIGINT, SIGINT}, 130}}) {
+        std::vector<std::string> words = train(at("results/a"), "mesh");
+        words.insert(words.end(), {"--set", "mesh.steps=100000"});
+        const fs::path curve = *this / "results/a/log/losses_mesh.csv";
+        const Outcome outcome = doppel(words, nullptr, [&](pid_t child) {
+            while (std::ranges::count(bytesOf(curve), '\n') < 3 &&
+                   waitpid(child, nullptr, WNOHANG) == 0)
+                usleep(20000);
+            for (int number : one.signals) kill(child, number);
+        });
+        EXPECT_EQ(outcome.status, one.status) << outcome.err;
+        EXPECT_NE(outcome.sentence().find("interrupted; kept: checkpoint"), std::string::npos)
+            << outcome.err;
+        EXPECT_TRUE(fs::exists(*this / "results/a/checkpoints/mesh.safetensors"));
+        fs::remove_all(*this / "results/a");
+    }
+}
+
 // ---- the machine is in the way ------------------------------------------------------------------
 
 TEST_F(Refusals, AFileWhereAFolderShouldBe) {
@@ -467,7 +618,8 @@ TEST_F(Refusals, NoSpaceLeft) {
         std::istringstream lines(outcome.out);
         for (std::string line; std::getline(lines, line);) {
             std::string name = fs::path(line.substr(0, line.rfind(' '))).filename().string();
-            EXPECT_FALSE(name.starts_with('.')) << kilobytes << " kB: " << line;
+            EXPECT_FALSE(name.starts_with('.') && name != ".doppel-files")
+                << kilobytes << " kB: " << line;
             if (fs::path(name).extension() != ".csv") {
                 EXPECT_FALSE(line.ends_with(" 0")) << kilobytes << " kB: " << line;
             }

@@ -300,6 +300,7 @@ TEST_F(Resume, StagesThatAreNotTrainedKeepTheirNetworksAndNumbers) {
     options.preset.mesh.hidden = 8;
     options.preset.texture.steps = 1;
     options.preset.texture.width = 8;
+    options.restart = true;
     runTrain(options);
     for (const char* name : {"body.npz", "mesh_net.safetensors"})
         EXPECT_EQ(bytesOf(options.out / name), bytesOf(whole() / name)) << name;
@@ -335,6 +336,129 @@ TEST_F(Resume, SaysWhatIsWrongWithTrainingState) {
     expectInputError([&] { runTrain(options); }, "run.toml");
     fs::resize_file(record, 0);
     expectInputError([&] { runTrain(options); }, "run.toml: expected a table asked");
+}
+
+// Every file with its bytes and its time.
+std::map<std::string, std::pair<std::string, fs::file_time_type>> stateOf(const fs::path& folder) {
+    std::map<std::string, std::pair<std::string, fs::file_time_type>> files;
+    for (const auto& entry : fs::recursive_directory_iterator(folder))
+        if (entry.is_regular_file())
+            files[entry.path().string()] = {bytesOf(entry.path()), entry.last_write_time()};
+    return files;
+}
+
+TEST_F(Resume, AFinishedTrainingIsNotReplaced) {
+    TrainOptions options = restlessOptions(capture(), folder_->path() / "finished");
+    fs::copy(whole(), options.out, fs::copy_options::recursive);
+    const auto before = stateOf(options.out);
+    // Asked for again: done already, in whole and in part.
+    runTrain(options);
+    options.stages = {"mesh", "texture"};
+    runTrain(options);
+    EXPECT_EQ(stateOf(options.out), before);
+    // Asked for something else.
+    TrainOptions other = options;
+    other.preset.texture.lr *= 2;
+    expectInputError([&] { runTrain(other); },
+                     "finished: it has texture already, trained with "
+                     "texture.lr = ");
+    expectInputError([&] { runTrain(other); }, "--restart trains it again, another --out keeps it");
+    other = options;
+    other.common.seed = 2;
+    expectInputError([&] { runTrain(other); }, "seed = 1, and this run has 2");
+    other = options;
+    other.frames = "0:5";
+    expectInputError([&] { runTrain(other); }, "capture_frames = ");
+    other = restlessOptions(capture(), options.out);
+    other.body = "default-full";
+    expectInputError([&] { runTrain(other); }, "body = ");
+    EXPECT_EQ(stateOf(options.out), before);
+    // A profile keeps nothing and may be made at any time.
+    other = options;
+    other.stages = {"mesh"};
+    other.profileSteps = 1;
+    runTrain(other);
+    EXPECT_EQ(stateOf(options.out), before);
+}
+
+TEST_F(Resume, AStageIsAddedToWhatIsThere) {
+    TrainOptions options = restlessOptions(capture(), folder_->path() / "added");
+    options.stages = {"fit", "mesh"};
+    runTrain(options);
+    const std::string mesh = bytesOf(options.out / "mesh_net.safetensors");
+    options.stages = {"fit", "mesh", "texture"};
+    expectInputError([&] { runTrain(options); },
+                     "it has fit, mesh already; --stages texture trains what it lacks");
+    options.stages = {"texture"};
+    runTrain(options);
+    EXPECT_EQ(bytesOf(options.out / "mesh_net.safetensors"), mesh);
+    EXPECT_FALSE(readAvatar(options.out).textureNet.empty());
+    // An avatar whose record is gone is not replaced either.
+    Avatar avatar = readAvatar(options.out);
+    EXPECT_EQ(avatar.trained.size(), 3u);
+    avatar.trained.clear();
+    writeAvatar(options.out, avatar);
+    expectInputError([&] { runTrain(options); }, "it has texture already, and no record");
+}
+
+TEST_F(Resume, OneRunAtATimeIsInAFolder) {
+    TrainOptions options = restlessOptions(capture(), folder_->path() / "shared");
+    bool tried = false;
+    trainUntil(options, false, 0, [&](const std::string& stage, int64_t done) {
+        if (stage != "mesh" || done != 2) return;
+        tried = true;
+        expectInputError([&] { runTrain(options); },
+                         "another run of Doppel is at work in it; wait for it");
+        TrainOptions other = options;
+        other.restart = true;
+        expectInputError([&] { runTrain(other); }, "another run of Doppel is at work");
+    });
+    EXPECT_TRUE(tried);
+    expectSameResult(options.out, whole());
+}
+
+TEST_F(Resume, OnlyItsOwnTrainingStateIsRemoved) {
+    const fs::path out = folder_->path() / "theirs";
+    fs::create_directories(out / "checkpoints");
+    std::ofstream(out / "checkpoints" / "model.safetensors") << "mine";
+    TrainOptions options = restlessOptions(capture(), out);
+    expectInputError([&] { runTrain(options); }, "checkpoints: expected nothing, or what Doppel");
+    removeTrainingState(out);
+    EXPECT_EQ(bytesOf(out / "checkpoints" / "model.safetensors"), "mine");
+}
+
+TEST_F(Resume, NetworksThatAreNotNumbersAreRefused) {
+    const fs::path out = folder_->path() / "spoiled";
+    fs::copy(whole(), out, fs::copy_options::recursive);
+    for (const char* name :
+         {"mesh_net.safetensors", "texture_net.safetensors", "refine_net.safetensors"}) {
+        const Safetensors good = readSafetensors(out / name);
+        Safetensors bad = good;
+        bad.tensors.begin()->second.values.back() = std::nanf("");
+        writeSafetensors(out / name, bad);
+        expectInputError([&] { readAvatar(out); },
+                         fmt::format("{}: {}: expected finite numbers, found nan", name,
+                                     bad.tensors.begin()->first));
+        writeSafetensors(out / name, good);
+    }
+    readAvatar(out);
+    // In a checkpoint: values, and moments.
+    struct Killed {};
+    TrainOptions options = restlessOptions(capture(), folder_->path() / "spoiled run");
+    EXPECT_THROW(trainUntil(options, false, 1e-9,
+                            [&](const std::string& stage, int64_t done) {
+                                if (stage == "mesh" && done == 4) throw Killed{};
+                            }),
+                 Killed);
+    const fs::path path = options.out / "checkpoints" / "mesh.safetensors";
+    const Safetensors good = readSafetensors(path);
+    for (const char* part : {".value.", ".moment2."}) {
+        Safetensors bad = good;
+        for (auto& [name, tensor] : bad.tensors)
+            if (name.find(part) != std::string::npos) tensor.values[0] = INFINITY;
+        writeSafetensors(path, bad);
+        expectInputError([&] { runTrain(options); }, "expected finite numbers, found inf");
+    }
 }
 
 TEST(Train, RefusesWhatIsNoAvatar) {

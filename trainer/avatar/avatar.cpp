@@ -10,6 +10,7 @@
 #include "engine/io/image.h"
 #include "engine/io/pickle.h"
 #include "engine/io/safetensors.h"
+#include "trainer/avatar/checkpoint.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/data/sheet.h"
 #include "trainer/data/synthetic.h"
@@ -23,7 +24,9 @@ namespace {
 
 WeightMap readNetwork(const fs::path& path) {
     if (!fs::exists(path)) return {};
-    return readSafetensors(path).tensors;
+    WeightMap weights = readSafetensors(path).tensors;
+    requireFinite(weights, path.string());
+    return weights;
 }
 
 void writeNetwork(const fs::path& path, const WeightMap& weights) {
@@ -75,15 +78,25 @@ toml::table parseToml(const fs::path& path) {
 fs::path liveFolder(const fs::path& avatar) { return avatar / "checkpoints" / "live"; }
 
 void writeLiveAvatar(const fs::path& out, const Avatar& avatar) {
-    OutputFolder live(liveFolder(out), "avatar.toml");
+    OutputFolder live(liveFolder(out), kAvatarKind);
     writeAvatar(live.folder(), avatar);
     live.commit();
 }
 
+void claimAvatar(const fs::path& folder) {
+    claimFiles(folder, kAvatarKind,
+               {"avatar.toml", "body.npz", "mesh_net.safetensors", "texture_net.safetensors",
+                "refine_net.safetensors", "texture.png", "texture_baked.png", "preview.png",
+                "progress.png", "checkpoints", "log"});
+}
+
+fs::path bodyFile(const std::string& body) {
+    return body == "default" || body == "default-full" ? fs::path() : fs::path(body);
+}
+
 Npz readBodyArrays(const std::string& body) {
-    if (body == "default" || body == "default-full")
-        return readNpz(assetFolder() / "body" / (body + ".npz"));
-    fs::path path(body);
+    fs::path path = bodyFile(body);
+    if (path.empty()) return readNpz(assetFolder() / "body" / (body + ".npz"));
     if (path.extension() == ".npz") return readNpz(path);
     if (path.extension() != ".pkl")
         throwInput("--body: expected default, default-full, an .npz or a .pkl file, found \"{}\"",
@@ -99,7 +112,7 @@ Npz readBodyArrays(const std::string& body) {
 }
 
 void writeAvatar(const fs::path& folder, const Avatar& avatar) {
-    createFolders(folder);
+    claimAvatar(folder);
     Npz body = avatar.bodyArrays;
     body.set("betas", Array::f32({10}, avatar.betas));
     writeNpz(folder / "body.npz", body, true);
@@ -109,7 +122,12 @@ void writeAvatar(const fs::path& folder, const Avatar& avatar) {
     writeTexture(folder / "texture.png", avatar.texture, avatar.textureSize);
     writeTexture(folder / "texture_baked.png", avatar.bakedTexture, avatar.textureSize);
 
-    toml::table source, preset;
+    toml::table source, preset, trained;
+    for (const auto& [stage, asked] : avatar.trained) {
+        toml::table of;
+        for (const auto& [key, value] : asked) of.insert(key, value);
+        trained.insert(stage, of);
+    }
     for (const auto& [key, value] : avatar.provenance) source.insert(key, value);
     for (const auto& [key, value] : presetValues(avatar.preset)) preset.insert(key, value);
     toml::table table{{"doppel", kVersion},
@@ -117,7 +135,8 @@ void writeAvatar(const fs::path& folder, const Avatar& avatar) {
                       {"texture_size", avatar.textureSize},
                       {"preset", avatar.preset.name},
                       {"source", source},
-                      {"numbers", preset}};
+                      {"numbers", preset},
+                      {"trained", trained}};
     std::ostringstream text;
     text << table << "\n";
     AtomicFile file(folder / "avatar.toml");
@@ -148,6 +167,12 @@ Avatar readAvatar(const fs::path& folder) {
     if (const toml::table* source = table["source"].as_table())
         for (const auto& [key, value] : *source)
             avatar.provenance[std::string(key.str())] = value.value_or(std::string());
+    if (const toml::table* trained = table["trained"].as_table())
+        for (const auto& [stage, asked] : *trained)
+            if (asked.is_table())
+                for (const auto& [key, value] : *asked.as_table())
+                    avatar.trained[std::string(stage.str())][std::string(key.str())] =
+                        value.value_or(std::string());
     avatar.meshNet = readNetwork(folder / "mesh_net.safetensors");
     avatar.textureNet = readNetwork(folder / "texture_net.safetensors");
     avatar.refineNet = readNetwork(folder / "refine_net.safetensors");

@@ -9,6 +9,7 @@
 //     texture_baked.png         the refined textures of many views, merged
 //     preview.png
 //     checkpoints/, log/        training state, while a run is unfinished, and curves
+//     .doppel-files             what Doppel wrote here (trainer/data/output_folder.h)
 #pragma once
 
 #include <filesystem>
@@ -29,6 +30,8 @@ struct Avatar {
     Betas betas{};
     Preset preset;
     std::map<std::string, std::string> provenance;
+    // Of each stage that is done, all that its result depends on but the pictures.
+    std::map<std::string, std::map<std::string, std::string>> trained;
     WeightMap meshNet, textureNet, refineNet;  // empty: that stage has not been trained
     int textureSize = 0;
     // [size,size,3] sRGB-encoded in [0,1]; empty: none yet.
@@ -38,6 +41,7 @@ struct Avatar {
     void clearRefinement() {
         refineNet.clear();
         bakedTexture.clear();
+        trained.erase("refine");
     }
 };
 
@@ -53,8 +57,12 @@ void requireTexture(const Avatar& avatar, TextureKind kind, const std::filesyste
 
 Avatar readAvatar(const std::filesystem::path& folder);
 // Creates or updates the folder; each file appears whole or not at all. Files of networks that the
-// avatar does not have are removed.
+// avatar does not have are removed. InputError as claimAvatar's.
 void writeAvatar(const std::filesystem::path& folder, const Avatar& avatar);
+
+// Makes the folder and takes all names in it that an avatar and its training write. InputError,
+// before anything is changed, where one of them is somebody else's file.
+void claimAvatar(const std::filesystem::path& folder);
 
 // Where an unfinished run leaves its present state, as an avatar, whenever it draws a picture of
 // it; it appears whole each time, and goes with the run's end.
@@ -63,5 +71,7 @@ void writeLiveAvatar(const std::filesystem::path& out, const Avatar& avatar);
 
 // "default", "default-full" (of assets/body), or an .npz, or SMPL's .pkl.
 Npz readBodyArrays(const std::string& body);
+// The file among these; empty for those of assets/body.
+std::filesystem::path bodyFile(const std::string& body);
 
 }  // namespace doppel

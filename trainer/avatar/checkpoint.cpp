@@ -4,10 +4,12 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <sstream>
 
 #include "engine/atomic_file.h"
 #include "engine/io/safetensors.h"
+#include "engine/printable.h"
 #include "trainer/data/output_folder.h"
 
 namespace doppel {
@@ -46,6 +48,14 @@ void loadSection(Parameters& parameters, Parameters::Section section, const Weig
 }
 
 }  // namespace
+
+void requireFinite(const WeightMap& weights, const std::string& where) {
+    for (const auto& [name, tensor] : weights)
+        for (size_t i = 0; i < tensor.values.size(); ++i)
+            if (!std::isfinite(tensor.values[i]))
+                throwInput("{}: {}: expected finite numbers, found {} in element {}", where,
+                           printable(name), tensor.values[i], i);
+}
 
 WeightMap readWeights(const Parameters& parameters) {
     WeightMap weights;
@@ -95,6 +105,7 @@ int64_t Checkpoint::restore() {
                    done);
     for (const Part& part : parts_)
         checkSection(*part.parameters, file.tensors, part.prefix, path_.string());
+    requireFinite(file.tensors, path_.string());
     for (const Part& part : parts_)
         loadSection(*part.parameters, part.section, file.tensors, part.prefix);
     return steps;
@@ -167,16 +178,15 @@ void writeRunRecord(const fs::path& avatar, const RunRecord& record) {
 }
 
 void removeTrainingState(const fs::path& avatar) {
-    // The record goes last: while it is there, the run counts as unfinished.
     fs::path folder = avatar / "checkpoints";
     std::error_code ignored;
-    for (const fs::directory_entry& entry : fs::directory_iterator(folder, ignored)) {
-        const fs::path& path = entry.path();
-        if (path.extension() == ".safetensors" || path.filename() == "poses.npz")
-            fs::remove(path, ignored);
+    removeOutputFolder(folder / "live", kAvatarKind);
+    // The record goes last: while it is there, the run counts as unfinished.
+    for (const char* name : {"fit.safetensors", "mesh.safetensors", "texture.safetensors",
+                             "refine.safetensors", "poses.npz", "run.toml"}) {
+        removeLeftovers(folder / name);
+        fs::remove(folder / name, ignored);
     }
-    fs::remove_all(folder / "live", ignored);
-    fs::remove(recordPath(avatar), ignored);
     fs::remove(folder, ignored);  // unless there is something else in it
 }
 

@@ -13,6 +13,9 @@
 
 namespace doppel {
 
+// What the list in an avatar's folder calls it (trainer/data/output_folder.h).
+inline constexpr const char* kAvatarKind = "avatar";
+
 // checkpoints/STAGE.safetensors: what a stage keeps, and the step; with what must agree for a run
 // to go on.
 class Checkpoint {
@@ -60,8 +63,12 @@ struct RunRecord {
 // Nothing where the avatar's folder has no unfinished run. InputError for a file that is not ours.
 std::optional<RunRecord> readRunRecord(const std::filesystem::path& avatar);
 void writeRunRecord(const std::filesystem::path& avatar, const RunRecord& record);
-// Removes the record with all other training state: the run is done, or starts over.
+// Removes the record with all other training state, and what killed runs have left of it: the run
+// is done, or starts over. Files that Doppel does not write there stay.
 void removeTrainingState(const std::filesystem::path& avatar);
+
+// InputError naming `where`, the tensor and the element where a number is not finite.
+void requireFinite(const WeightMap& weights, const std::string& where);
 
 // Every parameter's values as float32 arrays, and back. InputError naming `where` for a missing
 // parameter or another shape.

@@ -11,6 +11,7 @@
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/commands/commands.h"
 #include "trainer/data/output_folder.h"
+#include "trainer/data/progress.h"
 #include "trainer/eval/results.h"
 #include "trainer/stages/train.h"
 
@@ -40,11 +41,12 @@ public:
         avatar.provenance["capture"] = capture.name;
         avatar.provenance["command"] = options_.common.commandLine;
         avatar.provenance["seed"] = fmt::format("{}", settings.seed);
+        claimAvatar(settings.out);
+        claimFiles(settings.out, kAvatarKind, {"ablation.txt", "poses.npz"});
         // poses.npz comes last: where it is, the run that was asked for is done.
         if (read(request) != asked) {
             removeTrainingState(settings.out);
             fs::remove(poses);
-            createFolders(settings.out);
             AtomicFile file(request);
             file.write(asked);
             file.commit();
@@ -118,6 +120,9 @@ void runAblate(const AblateOptions& options) {
         if (std::ranges::count(ablationVariants(), name) == 0)
             throwInput("--variants: expected some of {}, found \"{}\"",
                        fmt::join(ablationVariants(), ","), name);
+    catchInterrupts();
+    for (const fs::path& out : {options.out, options.pictures})
+        requireApart(out, {options.capture, bodyFile(options.body)});
     const Capture whole = readCapture(options.capture);
     const Capture training = whole.subset(selectFrames(options.frames, whole.size()));
     const bool heldOut = !options.testFrames.empty();
@@ -126,6 +131,11 @@ void runAblate(const AblateOptions& options) {
                 : training;
     training.requireMasks();
     test.requireMasks();
+    claimResults(options.out, "ablation");
+    const FolderLock lock(options.out);
+    if (!options.pictures.empty())
+        for (const std::string& name : ablationVariants())
+            if (wanted(name.c_str())) claimFiles(options.pictures / name, "eval", {});
     Device device(options.common.deviceOptions());
     Measures measures(device, options.measures);
 
@@ -208,7 +218,6 @@ void runAblate(const AblateOptions& options) {
     std::vector<std::string> remarks = measures.remarks(clips);
     if (!heldOut)
         remarks.push_back("measured on the training frames; --test-frames holds some out");
-    createFolders(options.out);
     writeResults(options.out, "ablation", rows, settings, remarks);
     if (options.common.json)
         std::cout << resultsJson(rows, settings, remarks) << "\n";

@@ -515,7 +515,7 @@ int statusOf(const std::function<void()>& run, std::ostream& err) {
         return 0;
     } catch (const Interrupted& stop) {
         err << "doppel: interrupted" << (stop.kept.empty() ? "" : "; kept: ") << stop.kept << "\n";
-        return 130;
+        return interruptStatus();
     } catch (const InputError& error) {
         err << "doppel: " << error.what() << "\n";
         return 2;

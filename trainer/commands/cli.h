@@ -26,7 +26,7 @@ struct Commands {
 };
 
 // arguments: without the program's name. Returns the exit status: 0 done; 1 it failed; 2 the input
-// or the flags are wrong; 130 interrupted. Whatever fails prints one line on `err`, help goes to
+// or the flags are wrong; 130 interrupted (143, 129 by SIGTERM, SIGHUP). Whatever fails prints one line on `err`, help goes to
 // `out`.
 //
 // A config file (--config FILE, TOML) holds long options as keys (device = "llvmpipe", seed = 7,

@@ -63,7 +63,11 @@ void runDemo(const DemoOptions& options) {
         return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     };
     std::filesystem::path out = options.out;
-    createFolders(out);
+    catchInterrupts();
+    claimFiles(out, "demo",
+               {"capture", "avatar", "avatar.glb", "turntable.mp4", "reenact.mp4", "contact.png",
+                "metrics.json"});
+    const FolderLock lock(out);
     Device device(options.common.deviceOptions());
     fmt::print(stderr, "demo on {}\n", device.info().name);
 

@@ -2,6 +2,8 @@
 #include <nlohmann/json.hpp>
 
 #include "trainer/commands/commands.h"
+#include "trainer/data/output_folder.h"
+#include "trainer/data/progress.h"
 #include "trainer/eval/measures.h"
 #include "trainer/eval/results.h"
 #include "trainer/stages/fit.h"
@@ -70,9 +72,13 @@ void printOne(const Evaluation& evaluation, const EvalOptions& options, const Me
 }  // namespace
 
 void runEval(const EvalOptions& options) {
+    catchInterrupts();
+    for (const std::filesystem::path& out : {options.out, options.pictures})
+        requireApart(out, {options.avatar, options.capture});
     const std::vector<CollectionEntry> entries = findCaptures(options.capture);
     const bool collection = entries.size() > 1 || entries[0].folder != options.capture;
     for (const CollectionEntry& entry : entries) avatarOf(options.avatar, entry.actor);
+    if (!options.out.empty()) claimResults(options.out, "results");
     Device device(options.common.deviceOptions());
     Measures measures(device, options.measures);
     Settings settings{

@@ -4,10 +4,12 @@
 
 #include "trainer/avatar/export.h"
 #include "trainer/commands/commands.h"
+#include "trainer/data/output_folder.h"
 
 namespace doppel {
 
 void runExport(const ExportOptions& options) {
+    requireFileApart(options.out, {options.avatar, options.motion});
     Avatar avatar = readAvatar(options.avatar);
     TextureKind texture = textureKind(options.texture);
     if (texture == TextureKind::Refined)

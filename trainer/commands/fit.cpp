@@ -3,22 +3,25 @@
 
 #include "trainer/avatar/avatar.h"
 #include "trainer/commands/commands.h"
+#include "trainer/data/progress.h"
 #include "trainer/stages/fit.h"
 
 namespace doppel {
 
 void runFit(const FitOptions& options) {
+    catchInterrupts();
+    requireApart(options.out, {options.capture, bodyFile(options.body)});
     Capture capture = readCapture(options.capture);
     capture = capture.subset(selectFrames(options.frames, capture.size()));
     capture.requireMasks();
-    OutputFolder(options.out, "capture.toml");  // refused now rather than after the work
+    CaptureWriter writer(options.out);  // refused now rather than after the work
     BodyModel body = bodyFromNpz(readBodyArrays(options.body));
     Device device(options.common.deviceOptions());
     FitResult result =
         fitCapture(device, body, capture,
                    {.preset = options.preset.fit, .loop = {.seed = options.common.seed}});
     capture.source["fitted_by"] = options.common.commandLine;
-    writeCapture(capture, options.out);
+    writeCapture(capture, writer);
     if (options.common.json) {
         nlohmann::ordered_json json{{"frames", capture.size()},
                                     {"iou_before", result.iouBefore},

@@ -7,11 +7,14 @@
 #include "trainer/avatar/avatar.h"
 #include "trainer/commands/commands.h"
 #include "trainer/data/body_render.h"
+#include "trainer/data/progress.h"
 #include "trainer/import/import.h"
 
 namespace doppel {
 
 void runImport(const ImportOptions& options) {
+    catchInterrupts();
+    requireApart(options.out, {options.source, bodyFile(options.body)});
     const BodyModel body = bodyFromNpz(readBodyArrays(options.body));
     Device device(options.common.deviceOptions());
     BodyPoser poser(device, body);

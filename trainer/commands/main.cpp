@@ -1,11 +1,9 @@
 #include <iostream>
 
 #include "trainer/commands/cli.h"
-#include "trainer/data/progress.h"
 
 int main(int argc, char** argv) {
     using namespace doppel;
-    catchInterrupts();
     const Commands commands{runDevices, runImport, runFit,  runTrain, runRender, runEval,
                             runAblate,  runExport, runView, runDemo,  runBench};
     return runCommandLine({argv + 1, argv + argc}, commands, std::cout, std::cerr);

@@ -6,6 +6,8 @@
 #include "trainer/avatar/rendering.h"
 #include "trainer/commands/commands.h"
 #include "trainer/data/background.h"
+#include "trainer/data/output_folder.h"
+#include "trainer/data/progress.h"
 #include "trainer/motion/smooth.h"
 
 namespace doppel {
@@ -25,6 +27,9 @@ Camera scaled(Camera camera, int size) {
 }  // namespace
 
 void runRender(const RenderOptions& options) {
+    catchInterrupts();
+    const auto apart = options.out.extension() == ".mp4" ? requireFileApart : requireApart;
+    apart(options.out, {options.avatar, options.motion, options.camera});
     Avatar avatar = readAvatar(options.avatar);
     TextureKind texture = textureKind(options.texture);
     requireTexture(avatar, texture, options.avatar);

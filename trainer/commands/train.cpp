@@ -8,6 +8,8 @@
 
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/commands/commands.h"
+#include "trainer/data/output_folder.h"
+#include "trainer/data/progress.h"
 #include "trainer/stages/train.h"
 
 namespace doppel {
@@ -38,6 +40,8 @@ void openViewer(const TrainOptions& options) {
 }  // namespace
 
 void runTrain(const TrainOptions& options) {
+    catchInterrupts();
+    requireApart(options.out, {options.capture, bodyFile(options.body)});
     Capture capture = readCapture(options.capture);
     capture = capture.subset(selectFrames(options.frames, capture.size()));
     capture.requireMasks();
@@ -53,19 +57,22 @@ void runTrain(const TrainOptions& options) {
 
     // Stages build on what is there: training the texture alone takes the avatar's own body and
     // mesh. A run of all stages needs nothing of it, and replaces it whatever it is.
-    Avatar avatar;
+    Avatar avatar, finished;
     bool exists = std::filesystem::exists(options.out / "avatar.toml");
     bool all = trains("fit") && trains("mesh") && trains("texture");
     if ((exists && !all) || (unfinished && !unfinished->done.empty()))
         avatar = readAvatar(options.out);
     else
         avatar.betas = capture.betas;
+    bool repeats = exists && !unfinished && !options.restart && options.profileSteps == 0;
+    if (repeats) finished = all ? readAvatar(options.out) : avatar;
     if (!exists || trains("fit")) {
         BodyModel before = std::move(avatar.body);
         avatar.bodyArrays = readBodyArrays(options.body);
         avatar.body = bodyFromNpz(avatar.bodyArrays);
         if (before.templateVertices != avatar.body.templateVertices ||
             before.faces != avatar.body.faces) {  // networks of another body are of no use
+            avatar.trained.clear();
             avatar.meshNet.clear();
             avatar.textureNet.clear();
             avatar.texture.clear();
@@ -86,7 +93,6 @@ void runTrain(const TrainOptions& options) {
     avatar.provenance["precision"] = options.common.precision;
     avatar.provenance["seed"] = fmt::format("{}", options.common.seed);
 
-    Device device(options.common.deviceOptions());
     TrainSettings settings;
     settings.stages = options.stages;
     settings.out = options.out;
@@ -102,6 +108,21 @@ void runTrain(const TrainOptions& options) {
             settings.pictureSeconds = kSeconds;
         settings.opened = [&] { openViewer(options); };
     }
+    if (repeats &&
+        isTrained(finished, avatar, capture, precisionNamed(options.common.precision), settings)) {
+        if (options.common.json)
+            std::cout << nlohmann::ordered_json{{"avatar", options.out.string()},
+                                                {"was_finished", true}}
+                             .dump(2)
+                      << "\n";
+        else
+            fmt::print(
+                "avatar in {}: it was finished before, and stays as it is (--restart trains "
+                "it again)\n",
+                options.out.string());
+        return;
+    }
+    Device device(options.common.deviceOptions());
     TrainResult result = trainAvatar(device, std::move(avatar), std::move(capture), settings);
     if (settings.profileSteps > 0) return;
     if (options.common.json) {

@@ -910,7 +910,7 @@ Npz posesArrays(std::span<const Theta> theta, std::span<const Trans> trans, cons
     return poses;
 }
 
-CaptureWriter::CaptureWriter(const fs::path& folder) : output_(folder, "capture.toml") {}
+CaptureWriter::CaptureWriter(const fs::path& folder) : output_(folder, "capture") {}
 
 void CaptureWriter::copyImage(const std::string& name, const fs::path& file) {
     createFolders(output_.folder() / "images");
@@ -1040,6 +1040,10 @@ Capture CaptureWriter::commit(const Capture& capture) {
 
 Capture writeCapture(const Capture& capture, const fs::path& folder) {
     CaptureWriter writer(folder);
+    return writeCapture(capture, writer);
+}
+
+Capture writeCapture(const Capture& capture, CaptureWriter& writer) {
     for (const Frame& frame : capture.frames) {
         writer.copyImage(frame.name, frame.image);
         if (frame.mask) writer.copyMask(frame.name, *frame.mask);

@@ -183,8 +183,8 @@ Crop crop(const Picture& picture, const Camera& camera, const CropBox& box, int 
 // ---- writing ------------------------------------------------------------------------------------
 
 // Writes a capture into a temporary folder beside its place; commit() renames it. Without commit()
-// nothing is left. An existing capture there is replaced as a whole; anything else that is not an
-// empty folder is refused (InputError).
+// nothing is left. A capture there that Doppel wrote is replaced as a whole; anything else that is
+// not an empty folder is refused (InputError).
 //
 //     CaptureWriter writer("fitted");
 //     for (...) writer.addImage(name, width, height, rgb), writer.addMask(name, ...);
@@ -217,5 +217,6 @@ Npz posesArrays(std::span<const Theta> theta, std::span<const Trans> trans, cons
 
 // The capture with its pictures copied to another folder (which may be its own).
 Capture writeCapture(const Capture& capture, const std::filesystem::path& folder);
+Capture writeCapture(const Capture& capture, CaptureWriter& writer);
 
 }  // namespace doppel

@@ -9,7 +9,7 @@ PictureSequence::PictureSequence(const std::filesystem::path& out, int width, in
     if (out.extension() == ".mp4")
         video_.emplace(out, width, height, fps);
     else
-        folder_.emplace(out, "0000.png");
+        folder_.emplace(out, "render");
 }
 
 void PictureSequence::add(const Image& image) {

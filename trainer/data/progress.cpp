@@ -9,12 +9,24 @@
 #include <cmath>
 #include <cstdio>
 
+#include "engine/atomic_file.h"
+
 namespace doppel {
 
 namespace {
 
-std::atomic<bool> gInterrupted{false};
-static_assert(std::atomic<bool>::is_always_lock_free, "signal handlers may set it");
+std::atomic<int> gSignal{0}, gCount{0};
+static_assert(std::atomic<int>::is_always_lock_free, "signal handlers may set it");
+
+void onSignal(int number) {
+    constexpr int kDeadly = 3;
+    int none = 0;
+    gSignal.compare_exchange_strong(none, number);
+    if (++gCount < kDeadly) return;
+    removeTemporaryFiles();
+    signal(number, SIG_DFL);
+    raise(number);
+}
 
 using Clock = std::chrono::steady_clock;
 double secondsBetween(Clock::time_point from, Clock::time_point to) {
@@ -24,15 +36,22 @@ double secondsBetween(Clock::time_point from, Clock::time_point to) {
 }  // namespace
 
 void catchInterrupts() {
-    gInterrupted = false;
+    gSignal = 0;
+    gCount = 0;
     struct sigaction action {};
-    action.sa_handler = [](int) { gInterrupted = true; };
-    // Once: the second Ctrl-C finds the default again, which ends the program.
-    action.sa_flags = static_cast<int>(SA_RESETHAND | SA_RESTART);
-    sigaction(SIGINT, &action, nullptr);
+    action.sa_handler = onSignal;
+    action.sa_flags = SA_RESTART;
+    for (int number : {SIGINT, SIGTERM, SIGHUP}) {
+        struct sigaction before {};
+        sigaction(number, nullptr, &before);
+        if (number == SIGHUP && before.sa_handler == SIG_IGN) continue;
+        sigaction(number, &action, nullptr);
+    }
 }
 
-bool interrupted() { return gInterrupted; }
+bool interrupted() { return gSignal != 0; }
+
+int interruptStatus() { return 128 + (gSignal != 0 ? gSignal.load() : SIGINT); }
 
 std::string clockText(double seconds) {
     const auto total = static_cast<int64_t>(std::llround(std::max(0.0, seconds)));

@@ -14,16 +14,20 @@
 
 namespace doppel {
 
-// The user interrupted: exit 130. Thrown by stages once their checkpoint is on disk.
+// The user interrupted: exit interruptStatus(). Thrown by stages once their checkpoint is on disk.
 struct Interrupted {
     std::string
         kept;  // what is left of the work: "checkpoint avatar/checkpoints/mesh"; may be empty
 };
 
-// From now on the first SIGINT makes interrupted() true; the second one ends the program as it
-// would have without us.
+// From now on SIGINT (Ctrl-C), SIGTERM and SIGHUP make interrupted() true. The second one changes
+// nothing, so that a hasty Ctrl-C does not spoil the checkpoint which the first has asked for; the
+// third ends the program as it would have without us, but for temporary files, which are removed.
+// SIGHUP stays ignored where it was (nohup). For commands that look at interrupted().
 void catchInterrupts();
 bool interrupted();
+// 128 and the first signal's number, as shells have it: 130 for Ctrl-C.
+int interruptStatus();
 
 // One line that is rewritten on a terminal; a line every ten seconds, and the last, where stderr is
 // a file or a pipe.

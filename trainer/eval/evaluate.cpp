@@ -64,6 +64,11 @@ Evaluation evaluateCapture(Device& device, const Avatar& avatar, const Capture& 
                            const EvaluateSettings& settings) {
     capture.requireMasks();
     const std::filesystem::path& pictures = settings.pictures;
+    if (!pictures.empty()) {
+        std::vector<std::string> names;
+        for (const Frame& frame : capture.frames) names.push_back(frame.name + ".png");
+        claimFiles(pictures, "eval", names);
+    }
     FrameCache frames(capture);
     const Capture& whole = settings.plateOf ? *settings.plateOf : capture;
     std::optional<Background> background;
@@ -104,7 +109,6 @@ Evaluation evaluateCapture(Device& device, const Avatar& avatar, const Capture& 
             renderedVideo.push_back(VideoFeatures::prepare(render, w, h));
         }
         if (!pictures.empty()) {
-            createFolders(pictures);
             writeImage(pictures / (frame.name + ".png"),
                        contactSheet({{toImage(target, w, h), toImage(render, w, h),
                                       differenceImage(target, render, w, h, 4)}}));

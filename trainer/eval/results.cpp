@@ -313,10 +313,14 @@ std::string resultsJson(const std::vector<ResultRow>& rows, const Settings& sett
     return json.dump(2);
 }
 
+void claimResults(const fs::path& folder, const std::string& name) {
+    claimFiles(folder, "eval", {name + ".json", name + ".csv", name + ".md"});
+}
+
 void writeResults(const fs::path& folder, const std::string& name,
                   const std::vector<ResultRow>& rows, const Settings& settings,
                   const std::vector<std::string>& remarks) {
-    createFolders(folder);
+    claimResults(folder, name);
     auto write = [&](const char* extension, const std::string& text) {
         AtomicFile file(folder / (name + extension));
         file.write(text);

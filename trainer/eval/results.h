@@ -80,6 +80,8 @@ std::string resultsCsv(const std::vector<ResultRow>& rows);
 std::string resultsJson(const std::vector<ResultRow>& rows, const Settings& settings,
                         const std::vector<std::string>& remarks);
 // NAME.json, NAME.csv and NAME.md.
+// InputError, before any work, where writeResults would replace somebody else's files.
+void claimResults(const std::filesystem::path& folder, const std::string& name);
 void writeResults(const std::filesystem::path& folder, const std::string& name,
                   const std::vector<ResultRow>& rows, const Settings& settings,
                   const std::vector<std::string>& remarks);

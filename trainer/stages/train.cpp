@@ -51,9 +51,11 @@ void writePreview(Device& device, const Avatar& avatar, const std::filesystem::p
 }
 
 // What a run is asked for: all that its result depends on, but the pictures themselves.
-std::map<std::string, std::string> askedFor(const TrainSettings& settings, const Avatar& avatar,
-                                            const Capture& capture, Precision precision) {
-    std::map<std::string, std::string> asked;
+using Asked = std::map<std::string, std::string>;
+
+Asked askedFor(const TrainSettings& settings, const Avatar& avatar, const Capture& capture,
+               Precision precision) {
+    Asked asked;
     asked["precision"] = precisionName(precision);
     asked["stages"] = fmt::format("{}", fmt::join(settings.stages, ","));
     asked["seed"] = fmt::format("{}", settings.seed);
@@ -80,6 +82,35 @@ std::map<std::string, std::string> askedFor(const TrainSettings& settings, const
     return asked;
 }
 
+// The part of it that one stage's result depends on.
+Asked askedOf(const std::string& stage, const Asked& asked) {
+    Asked part;
+    for (const auto& [key, value] : asked)
+        if (key != "stages" && (key.find('.') == std::string::npos || key.starts_with(stage + ".")))
+            part[key] = value;
+    return part;
+}
+
+std::string valueOf(const Asked& of, const std::string& key) {
+    auto found = of.find(key);
+    return found == of.end() ? std::string("none") : found->second;
+}
+
+// The first key in which the two differ.
+std::optional<std::string> difference(const Asked& there, const Asked& here) {
+    Asked all = there;
+    all.insert(here.begin(), here.end());
+    for (const auto& [key, unused] : all)
+        if (valueOf(there, key) != valueOf(here, key)) return key;
+    return std::nullopt;
+}
+
+bool hasStage(const Avatar& avatar, const std::string& stage) {
+    return avatar.trained.contains(stage) || (stage == "mesh" && !avatar.meshNet.empty()) ||
+           (stage == "texture" && !avatar.textureNet.empty()) ||
+           (stage == "refine" && !avatar.refineNet.empty());
+}
+
 // What is on disk of a run, between its start and its end.
 class Run {
 public:
@@ -87,11 +118,17 @@ public:
         Precision precision)
         : settings_(settings) {
         if (!settings.keeps()) return;
-        std::map<std::string, std::string> asked = askedFor(settings, avatar, capture, precision);
-        std::optional<RunRecord> there;
-        if (settings.resume) there = readRunRecord(settings.out);
-        if (there) {
+        created_ = !std::filesystem::exists(settings.out);
+        createFolders(settings.out);
+        lock_.emplace(settings.out);
+        Asked asked = askedFor(settings, avatar, capture, precision);
+        if (settings.resume) {
+            std::optional<RunRecord> there = readRunRecord(settings.out);
+            if (!there)
+                throwInput("{}: expected an unfinished run to go on with, found none",
+                           settings.out.string());
             checkSame(there->asked, asked);
+            claimAvatar(settings.out);
             record_ = *there;
             fmt::print(stderr, "{}: going on with the unfinished run (--restart starts over)\n",
                        settings.out.string());
@@ -99,7 +136,8 @@ public:
         }
         record_.asked = asked;
         try {
-            createFolders(settings.out);
+            claimAvatar(settings.out);
+            owns_ = true;
             removeTrainingState(settings.out);
             writeRunRecord(settings.out, record_);
         } catch (...) {
@@ -113,8 +151,9 @@ public:
 
     // Result first, then the word that it is there: a run killed between the two takes the stage's
     // last steps again.
-    void finish(const char* stage, const Avatar& avatar) {
+    void finish(const char* stage, Avatar& avatar) {
         if (!settings_.keeps()) return;
+        avatar.trained[stage] = askedOf(stage, record_.asked);
         writeAvatar(settings_.out, avatar);
         record_.done.push_back(stage);
         writeRunRecord(settings_.out, record_);
@@ -123,14 +162,18 @@ public:
     }
 
     // Nothing is left of a run that failed before it had anything to go on from: a frame that
-    // cannot be read, a disk without room for the first checkpoint.
+    // cannot be read, a disk without room for the first checkpoint. What it did not make stays.
     void forgetIfEmpty() const {
         if (!settings_.keeps() || !record_.done.empty()) return;
+        if (!owns_) {
+            forgetFolder();
+            return;
+        }
         std::error_code ignored;
         for (const auto& entry : std::filesystem::directory_iterator(folder(), ignored))
             if (entry.path().extension() == ".safetensors") return;
         removeTrainingState(settings_.out);
-        std::filesystem::remove(settings_.out, ignored);  // unless there is something in it
+        forgetFolder();
     }
 
     // The capture as stage "fit" leaves it.
@@ -152,23 +195,25 @@ public:
 private:
     std::filesystem::path folder() const { return settings_.out / "checkpoints"; }
 
-    void checkSame(const std::map<std::string, std::string>& there,
-                   const std::map<std::string, std::string>& here) const {
-        auto valueOf = [](const std::map<std::string, std::string>& of, const std::string& key) {
-            auto found = of.find(key);
-            return found == of.end() ? std::string("none") : found->second;
-        };
-        std::map<std::string, std::string> all = there;
-        all.insert(here.begin(), here.end());
-        for (const auto& [key, unused] : all)
-            if (valueOf(there, key) != valueOf(here, key))
-                throwInput(
-                    "{}: an unfinished run is there, with {} = {}, and this one has {}; the same "
-                    "command goes on with it, --restart starts over",
-                    settings_.out.string(), key, valueOf(there, key), valueOf(here, key));
+    void forgetFolder() const {
+        if (!created_) return;
+        removeFileList(settings_.out);
+        std::error_code ignored;
+        std::filesystem::remove(settings_.out, ignored);  // unless there is something in it
+    }
+
+    void checkSame(const Asked& there, const Asked& here) const {
+        if (const auto key = difference(there, here))
+            throwInput(
+                "{}: an unfinished run is there, with {} = {}, and this one has {}; the same "
+                "command goes on with it, --restart starts over",
+                settings_.out.string(), *key, valueOf(there, *key), valueOf(here, *key));
     }
 
     const TrainSettings& settings_;
+    std::optional<FolderLock> lock_;
+    bool created_ = false;  // the folder
+    bool owns_ = false;     // the training state in it
     RunRecord record_;
 };
 
@@ -188,6 +233,8 @@ void trainStages(Device& device, TrainResult& result, const TrainSettings& setti
     result.capture.betas = result.avatar.betas;
 
     // A stage's former result plays no part any more, whatever becomes of the run.
+    for (const std::string& stage : settings.stages)
+        if (!run.isDone(stage.c_str())) result.avatar.trained.erase(stage);
     if (run.wants("mesh") && !run.isDone("mesh")) result.avatar.meshNet.clear();
     if (run.wants("texture") && !run.isDone("texture")) {
         result.avatar.textureNet.clear();
@@ -216,6 +263,35 @@ void trainStages(Device& device, TrainResult& result, const TrainSettings& setti
 }
 
 }  // namespace
+
+bool isTrained(const Avatar& there, const Avatar& asked, const Capture& capture,
+               Precision precision, const TrainSettings& settings) {
+    std::vector<std::string> has, lacks;
+    for (const std::string& stage : settings.stages)
+        (hasStage(there, stage) ? has : lacks).push_back(stage);
+    if (has.empty()) return false;
+    if (!lacks.empty())
+        throwInput("{}: it has {} already; --stages {} trains what it lacks, --restart starts over",
+                   settings.out.string(), fmt::join(has, ", "), fmt::join(lacks, ","));
+    const Asked here = askedFor(settings, asked, capture, precision);
+    for (const std::string& stage : has) {
+        const auto record = there.trained.find(stage);
+        if (record == there.trained.end())
+            throwInput(
+                "{}: it has {} already, and no record of what from; --restart trains it again, "
+                "another --out keeps it",
+                settings.out.string(), stage);
+        const Asked wanted = askedOf(stage, here);
+        if (const auto key = difference(record->second, wanted))
+            throwInput(
+                "{}: it has {} already, trained with {} = {}, and this run has {}; --restart "
+                "trains "
+                "it again, another --out keeps it",
+                settings.out.string(), stage, *key, valueOf(record->second, *key),
+                valueOf(wanted, *key));
+    }
+    return true;
+}
 
 TrainResult trainAvatar(Device& device, Avatar avatar, Capture capture,
                         const TrainSettings& settings) {

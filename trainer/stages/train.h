@@ -12,7 +12,7 @@
 namespace doppel {
 
 // resume: go on with the unfinished run in `out`, which must have been asked for the same;
-// otherwise what is left of one is removed.
+// otherwise what is left of one is removed, and finished stages are trained again.
 struct TrainSettings : LoopSettings {
     // Called once the run's folder holds a first state in liveFolder(); may be empty, and then that
     // comes with the first picture.
@@ -27,9 +27,16 @@ struct TrainResult {
     std::optional<FitResult> fit;
 };
 
+// Whether the avatar `there`, in settings.out, has all stages that are asked for already, from the
+// same capture, body and numbers as `asked` has, so that nothing is left to do; false where it has
+// none of them. InputError where it has some, or has them from something else: what to change.
+bool isTrained(const Avatar& there, const Avatar& asked, const Capture& capture,
+               Precision precision, const TrainSettings& settings);
+
 // Reads the capture's frames, trains, and leaves the avatar in settings.out. avatar: what is there
 // already (its body, and networks of earlier stages). However often a run is stopped and resumed,
-// it ends with the same bytes. InputError where an unfinished run was asked for something else.
+// it ends with the same bytes. InputError where an unfinished run was asked for something else,
+// where another run is at work in settings.out, and where files there are not Doppel's own.
 TrainResult trainAvatar(Device& device, Avatar avatar, Capture capture,
                         const TrainSettings& settings);
 
