@@ -183,7 +183,7 @@ TEST(CommandLine, ConfigUnderFlags) {
     EXPECT_EQ(o.train.preset.mesh.batch, 7);
     EXPECT_EQ(o.train.preset.mesh.laplacian, 2.5);
     EXPECT_TRUE(o.train.preset.mesh.dilateMask);
-    EXPECT_EQ(o.train.preset.texture.region, "intersection");
+    EXPECT_EQ(o.train.preset.texture.region, Region::Intersection);
     // The same file serves another command, and flags win.
     EXPECT_EQ(run({"import", "s", "--out", "c", "--config", config}).import.fps, 12);
     EXPECT_EQ(
@@ -284,19 +284,19 @@ TEST(Presets, PaperIsThePapers) {
     EXPECT_EQ(paper.texture.textureSize, 512);
     EXPECT_EQ(paper.texture.depth, 9);
     EXPECT_EQ(paper.texture.steps, 2000);
-    EXPECT_EQ(paper.texture.region, "union");
+    EXPECT_EQ(paper.texture.region, Region::Union);
     EXPECT_EQ(paper.refine.epochs, 40);
     EXPECT_EQ(paper.refine.batch, 8);
     EXPECT_EQ(paper.refine.lr, 2e-4);
     EXPECT_EQ(paper.refine.lrDiscriminator, 2e-5);
     EXPECT_EQ(paper.refine.constantPart, .5);
-    EXPECT_EQ(paper.refine.loss, "log");
+    EXPECT_EQ(paper.refine.loss, GanLoss::Log);
     EXPECT_EQ(paper.refine.faceSize, 80);
     EXPECT_EQ(paper.refine.reconstruction, 100);
     EXPECT_EQ(paper.refine.misaligned, 100);
     Preset changed = paper;
     setPresetValue(changed, "mesh.clamps", "none", "test");
-    EXPECT_EQ(changed.mesh.clamps, "none");
+    EXPECT_EQ(changed.mesh.clamps, ClampBounds::None);
     EXPECT_NE(messageOf<InputError>([&] {
                   setPresetValue(changed, "refine.loss", "hinge", "test");
               }).find("expected log or squares, found \"hinge\""),

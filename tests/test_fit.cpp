@@ -1,5 +1,8 @@
 #include <algorithm>
+#include <cmath>
 
+#include "nn/ops/elementwise.h"
+#include "nn/steps/losses.h"
 #include "tests/op_test.h"
 
 namespace doppel {
@@ -82,6 +85,72 @@ TEST(Fit, WeightedSum) {
                     {"d", random({}, 4)}},
          .attributes = {{"weight_a", 1}, {"weight_b", -2}, {"weight_c", 0.5}, {"weight_d", 100}},
          .reference = reference});
+}
+
+// ---- loss terms ---------------------------------------------------------------------------------
+
+TEST(Losses, AnyNumberOfTermsIsSummedAndAveragedOverAnyBatch) {
+    for (size_t batch : {1, 2, 3, 7})
+        for (size_t count : {1, 3, 4, 5, 9}) {
+            Graph graph(testDevice());
+            Losses losses(graph);
+            std::vector<Tensor> inputs;
+            std::vector<double> weights;
+            for (size_t k = 0; k < count; ++k) weights.push_back(0.5 + double(k) * double(k));
+            for (size_t n = 0; n < batch; ++n)
+                for (size_t k = 0; k < count; ++k) {
+                    inputs.push_back(graph.variable({}));
+                    losses.term(fmt::format("term{}", k), weights[k],
+                                scaleShift(graph, inputs.back(), 1, 0));
+                }
+            graph.backward(losses.sum());
+            for (const Tensor& input : inputs) graph.output(graph.gradient(input));
+            graph.compile({.poison = true});
+            std::vector<double> means(count);
+            for (size_t i = 0; i < inputs.size(); ++i) {
+                double value = std::sin(double(i) + 1);
+                means[i % count] += value / double(batch);
+                graph.write(inputs[i], std::vector<float>{float(value)});
+            }
+            graph.run();
+
+            double sum = 0;
+            for (size_t k = 0; k < count; ++k) sum += weights[k] * means[k];
+            std::vector<double> values = losses.read();
+            ASSERT_EQ(losses.names().size(), count + 1);
+            ASSERT_EQ(values.size(), count + 1);
+            EXPECT_EQ(losses.names()[0], "loss");
+            EXPECT_NEAR(values[0], sum, 1e-5 * weights.back());
+            for (size_t k = 0; k < count; ++k) {
+                EXPECT_EQ(losses.names()[k + 1], fmt::format("term{}", k));
+                EXPECT_NEAR(values[k + 1], means[k], 1e-6);
+            }
+            // To the bit: the parts' gradients are what training hands on.
+            for (size_t i = 0; i < inputs.size(); ++i)
+                EXPECT_EQ(graph.readScalar(graph.gradient(inputs[i])),
+                          float(weights[i % count]) * (1.0f / float(batch)))
+                    << i << " of " << count << " terms, batch " << batch;
+        }
+}
+
+TEST(Losses, ATermOfTheWholeBatchStandsBesideOnesOfFrames) {
+    Graph graph(testDevice());
+    auto number = [&](float value) {
+        return graph.constant(std::span<const float>(&value, 1), {});
+    };
+    Losses first(graph), second(graph);
+    for (float value : {1.f, 2.f, 6.f}) first.term("frames", 2, number(value));
+    first.term("batch", 10, number(5));
+    first.sum();
+    second.term("other", 3, number(7));
+    second.sum();
+    first.append(second);
+    graph.compile();
+    graph.run();
+    EXPECT_EQ(first.names(), (std::vector<std::string>{"loss", "frames", "batch", "other"}));
+    EXPECT_EQ(first.read(), (std::vector<double>{56, 3, 5, 7}));
+    EXPECT_EQ(graph.readScalar(first.find("batch")), 5);
+    EXPECT_FALSE(first.find("nothing"));
 }
 
 }  // namespace

@@ -284,13 +284,16 @@ TEST(Discriminator, RefusesPicturesThatAreTooSmall) {
     Graph graph(testDevice());
     Tensor x = graph.input({1, 3, 31, 40});
     expectInputError([&] { net.forward(graph, net.frozen(graph), x); }, "32x32 pixels or more");
-    RefineConfig config{.size = 16, .textureSize = 16, .width = 1, .discriminatorWidth = 1};
-    expectInputError([&] { RefineNetworks(config, 1); }, "image discriminator");
-    config.size = 64;
-    config.faceSize = 8;
-    expectInputError([&] { RefineNetworks(config, 1); }, "face discriminator");
-    config.faceDiscriminator = false;
-    EXPECT_NO_THROW(RefineNetworks(config, 1));
+    RefinePreset preset;
+    preset.size = 16;
+    preset.width = preset.discriminatorWidth = 1;
+    preset.depth = 4;
+    expectInputError([&] { RefineNetworks(preset, 16, 1); }, "image discriminator");
+    preset.size = 64;
+    preset.faceSize = 8;
+    expectInputError([&] { RefineNetworks(preset, 16, 1); }, "face discriminator");
+    preset.faceDiscriminator = false;
+    EXPECT_NO_THROW(RefineNetworks(preset, 16, 1));
 }
 
 // ---- a training step ----------------------------------------------------------------------------
@@ -307,21 +310,22 @@ BodyModel square() {
 }
 
 struct StepTest {
-    RefineConfig config;
+    RefinePreset preset;
     RefineNetworks networks;
     RefineStep step;
 
-    static RefineConfig small() {
-        RefineConfig config;
-        config.size = 32;
-        config.textureSize = 32;
-        config.width = 4;
-        config.discriminatorWidth = 2;
-        config.faceSize = 12;
-        config.batch = 2;
-        config.dropout = false;
-        config.discriminatorOptimiser.rateScale = 0.1f;
-        return config;
+    static RefinePreset small() {
+        RefinePreset preset;
+        preset.size = 32;
+        preset.width = 4;
+        preset.depth = 5;
+        preset.discriminatorWidth = 2;
+        preset.faceSize = 12;
+        preset.batch = 2;
+        preset.dropout = 0;
+        preset.lr = 2e-3;
+        preset.lrDiscriminator = 2e-4;
+        return preset;
     }
     static CoarseTexture dark() {
         CoarseTexture coarse;
@@ -331,10 +335,10 @@ struct StepTest {
         return coarse;
     }
 
-    explicit StepTest(const RefineConfig& c, uint32_t seed = 1)
-        : config(c),
-          networks(c, seed),
-          step((networks.allocate(testDevice()), testDevice()), square(), c, networks, dark(),
+    explicit StepTest(const RefinePreset& p, uint32_t seed = 1)
+        : preset(p),
+          networks(p, 32, seed),
+          step((networks.allocate(testDevice()), testDevice()), square(), p, networks, dark(),
                {.poison = true}) {
         std::vector<float> verts{-.4f, -.4f, 1, .4f, -.4f, 1, .4f, .4f, 1, -.4f, .4f, 1};
         RasterCamera camera{32, 32, 16, 16, 1e-5f, 9e-5f, 0, 0};
@@ -355,11 +359,12 @@ struct StepTest {
         step.graph.write(step.faceCentres, centres);
     }
     void run(uint32_t i) {
-        StepParams params = adamwStepParams(i, 2e-3f, config.generatorOptimiser);
+        StepParams params = adamwStepParams(i, static_cast<float>(preset.lr), adamwOptions(preset));
         params.seed = 5;
         step.graph.setStep(params);
         step.graph.run();
     }
+    float read(const char* loss) { return step.graph.readScalar(step.losses.find(loss)); }
     static std::vector<std::vector<float>> values(const Parameters& parameters) {
         std::vector<std::vector<float>> all;
         for (const Parameters::Entry& entry : parameters.entries())
@@ -370,76 +375,74 @@ struct StepTest {
 
 TEST(RefineStep, LearnsThePictureAndUpdatesAllThree) {
     for (bool leastSquares : {false, true}) {
-        RefineConfig config = StepTest::small();
-        config.leastSquares = leastSquares;
-        config.misaligned = 1;
-        StepTest test(config);
+        RefinePreset preset = StepTest::small();
+        if (leastSquares) preset.loss = GanLoss::Squares;
+        preset.misaligned = 1;
+        StepTest test(preset);
         auto generator = StepTest::values(test.networks.generator.parameters());
         auto image = StepTest::values(test.networks.image.parameters());
         auto face = StepTest::values(test.networks.face.parameters());
         test.run(1);
-        float first = test.step.graph.readScalar(test.step.reconstruction);
+        float first = test.read("reconstruction");
         EXPECT_GT(first, 0.5f);
         EXPECT_NE(StepTest::values(test.networks.generator.parameters()), generator);
         EXPECT_NE(StepTest::values(test.networks.image.parameters()), image);
         EXPECT_NE(StepTest::values(test.networks.face.parameters()), face);
         for (uint32_t i = 2; i <= 60; ++i) test.run(i);
-        EXPECT_LT(test.step.graph.readScalar(test.step.reconstruction), 0.8f * first);
+        EXPECT_LT(test.read("reconstruction"), 0.8f * first);
         // The whole is the weighted sum of its parts.
-        auto read = [&](const Tensor& t) { return test.step.graph.readScalar(t); };
-        EXPECT_NEAR(read(test.step.generatorLoss),
-                    100 * read(test.step.reconstruction) + read(test.step.misaligned) +
-                        read(test.step.ganImage) + read(test.step.ganFace),
+        EXPECT_NEAR(test.read("loss"),
+                    100 * test.read("reconstruction") + test.read("misaligned") +
+                        test.read("gan_image") + test.read("gan_face"),
                     1e-3);
     }
 }
 
 TEST(RefineStep, DiscriminatorsLearnToTellAndTheGeneratorSeesTheUpdatedOnes) {
-    RefineConfig config = StepTest::small();
-    config.reconstruction = config.misaligned = config.adversarial = 0;
-    config.generatorOptimiser.rateScale = 0;
+    RefinePreset preset = StepTest::small();
+    preset.reconstruction = preset.misaligned = preset.adversarial = 0;
+    preset.lr = 1e-9;  // leaves the generator where it is
     // With four times the rate the face's swings, and when it settles is up to the last bits.
-    config.discriminatorOptimiser.rateScale = 2;
-    StepTest test(config);
-    auto read = [&](const Tensor& t) { return test.step.graph.readScalar(t); };
+    preset.lrDiscriminator = 4e-3;
+    StepTest test(preset);
     test.run(1);
-    float atFirst = read(test.step.discriminatorImage),
-          faceAtFirst = read(test.step.discriminatorFace);
+    float atFirst = test.read("discriminator_image"), faceAtFirst = test.read("discriminator_face");
     // Before any update the generator's loss would be that of the discriminators' first opinion;
     // after theirs, fakes convince less.
-    float ganAtFirst = read(test.step.ganImage);
+    float ganAtFirst = test.read("gan_image");
     for (uint32_t i = 2; i <= 40; ++i) test.run(i);
-    EXPECT_LT(read(test.step.discriminatorImage), 0.5f * atFirst);
-    EXPECT_LT(read(test.step.discriminatorFace), 0.5f * faceAtFirst);
-    EXPECT_GT(read(test.step.ganImage), ganAtFirst);
+    EXPECT_LT(test.read("discriminator_image"), 0.5f * atFirst);
+    EXPECT_LT(test.read("discriminator_face"), 0.5f * faceAtFirst);
+    EXPECT_GT(test.read("gan_image"), ganAtFirst);
 }
 
 TEST(RefineStep, LeavesOutWhatIsSwitchedOff) {
-    RefineConfig config = StepTest::small();
-    config.imageDiscriminator = config.faceDiscriminator = false;
-    StepTest test(config);
+    RefinePreset preset = StepTest::small();
+    preset.imageDiscriminator = preset.faceDiscriminator = false;
+    StepTest test(preset);
     test.run(1);
-    EXPECT_FALSE(test.step.ganImage);
-    EXPECT_FALSE(test.step.discriminatorFace);
-    config.imageDiscriminator = true;
-    StepTest withImage(config);
+    using Names = std::vector<std::string>;
+    EXPECT_EQ(test.step.losses.names(), (Names{"loss", "reconstruction", "misaligned"}));
+    preset.imageDiscriminator = true;
+    StepTest withImage(preset);
     withImage.run(1);
-    EXPECT_TRUE(withImage.step.ganImage);
-    EXPECT_FALSE(withImage.step.ganFace);
+    EXPECT_EQ(withImage.step.losses.names(),
+              (Names{"loss", "reconstruction", "misaligned", "gan_image", "discriminator_image"}));
 }
 
 TEST(RefineStep, TheGeneratorsGradientIsThatOfItsLoss) {
     // Finite differences of the recorded step's own loss, with all updates switched off: through
     // the discriminators, the crop, the masks, the renders and the residual.
     for (int term = 0; term < 4; ++term) {
-        RefineConfig config = StepTest::small();
-        config.reconstruction = term == 0 ? 3 : 0;
-        config.misaligned = term == 1 ? 3 : 0;
-        config.adversarial = term >= 2 ? 1 : 0;
-        config.imageDiscriminator = term == 2;
-        config.faceDiscriminator = term == 3;
-        config.generatorOptimiser.rateScale = config.discriminatorOptimiser.rateScale = 0;
-        StepTest test(config);
+        RefinePreset preset = StepTest::small();
+        preset.reconstruction = term == 0 ? 3 : 0;
+        preset.misaligned = term == 1 ? 3 : 0;
+        preset.adversarial = term >= 2 ? 1 : 0;
+        preset.imageDiscriminator = term == 2;
+        preset.faceDiscriminator = term == 3;
+        preset.lr = 1e-30;
+        preset.lrDiscriminator = 0;
+        StepTest test(preset);
         Parameters& net = test.networks.generator.parameters();
         // Discriminators with an opinion.
         for (Parameters* parameters :
@@ -468,7 +471,7 @@ TEST(RefineStep, TheGeneratorsGradientIsThatOfItsLoss) {
                     moved[i] += float(sign * h * double(gradient[i]) / norm);
                 net.write(entry, moved);
                 test.run(1);
-                difference += sign * double(test.step.graph.readScalar(test.step.generatorLoss));
+                difference += sign * double(test.read("loss"));
             }
             net.write(entry, values);
             EXPECT_NEAR(difference / (2 * h), norm, 0.05 * norm) << name << ", term " << term;
@@ -477,10 +480,10 @@ TEST(RefineStep, TheGeneratorsGradientIsThatOfItsLoss) {
 }
 
 TEST(RefineStep, TheSameSeedGivesTheSameBits) {
-    RefineConfig config = StepTest::small();
-    config.dropout = true;
+    RefinePreset preset = StepTest::small();
+    preset.dropout = 0.5;
     auto train = [&](uint32_t seed) {
-        StepTest test(config, seed);
+        StepTest test(preset, seed);
         for (uint32_t i = 1; i <= 5; ++i) test.run(i);
         return StepTest::values(test.networks.generator.parameters());
     };

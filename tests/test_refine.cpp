@@ -175,16 +175,16 @@ TEST_F(Refine, AblationsAndOptions) {
     options.preset.texture.constantInput = false;
     options.preset.refine.steps = 2;
     options.preset.refine.batch = 2;
-    options.preset.refine.loss = "squares";
-    options.preset.refine.region = "union";
-    options.preset.refine.masks = "own";
-    options.preset.refine.apart = "rendered";
-    options.preset.refine.residual = "program";
+    options.preset.refine.loss = GanLoss::Squares;
+    options.preset.refine.region = Region::Union;
+    options.preset.refine.masks = GanMasks::Own;
+    options.preset.refine.apart = Misalignment::Rendered;
+    options.preset.refine.residual = Residual::Program;
     options.preset.refine.dropout = 0.5;
     options.preset.refine.constantPart = 0;
     runTrain(options);
     Avatar read = readAvatar(out);
-    EXPECT_EQ(read.preset.refine.residual, "program");
+    EXPECT_EQ(read.preset.refine.residual, Residual::Program);
     Shot shot = restShot(testDevice(), read, 64);
     AvatarRenderer renderer(testDevice(), read);
     for (float value : renderer.texture(renderer.vertices(shot.theta, shot.trans)))

@@ -5,9 +5,11 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 
+#include <cmath>
 #include <fstream>
 
 #include "engine/io/safetensors.h"
+#include "nn/ops/elementwise.h"
 #include "tests/files.h"
 #include "tests/op_test.h"
 
@@ -30,12 +32,15 @@ struct Notes {
         loop.steps = steps;
         loop.columns = {"loss"};
         loop.trained = {{"net", &net}};
-        loop.draw = [] {};
-        loop.submit = [this](int64_t i) { lines.push_back(fmt::format("submit {}", i)); };
-        loop.report = [this](int64_t i, int back) {
+        loop.draw = [] { return std::vector<size_t>{7}; };
+        loop.frameName = [](size_t frame) { return fmt::format("{:04}.png", frame); };
+        loop.submit = [this](int64_t i, const std::vector<size_t>& drawn) {
+            EXPECT_EQ(drawn, std::vector<size_t>{7});
+            lines.push_back(fmt::format("submit {}", i));
+        };
+        loop.values = [this](int64_t i, int back) {
             lines.push_back(fmt::format("report {} {}", i, back));
-            if (i == bad) throwMachine("stage mesh: a loss became nan at step {}", i + 1);
-            return StageLoop::Report{{}, {double(i)}};
+            return std::vector<double>{i == bad ? NAN : double(i)};
         };
     }
 };
@@ -78,13 +83,52 @@ TEST(StageLoop, KeepsNothingFromALossThatIsNotFinite) {
             notes.loop.run({.out = out, .checkpointSeconds = seconds});
             ADD_FAILURE() << "a loss was nan";
         } catch (const MachineError& error) {
-            EXPECT_NE(std::string(error.what()).find("nan at step 3"), std::string::npos);
+            EXPECT_NE(
+                std::string(error.what())
+                    .find("stage mesh: loss \"loss\" became nan at step 3 (frames: 0007.png)"),
+                std::string::npos)
+                << error.what();
         }
         EXPECT_EQ(rows(out), (std::vector<std::string>{"step,loss", "0,0", "1,1"}));
         if (seconds > 0)
             EXPECT_EQ(stepsDone(out), 2);
         else
             EXPECT_FALSE(fs::exists(out / "checkpoints"));
+    }
+}
+
+TEST(StageLoop, ALossTermIsLoggedAndNamedUnderItsOwnName) {
+    test::Folder folder;
+    Graph graph(testDevice());
+    Losses losses(graph);
+    std::vector<Tensor> inputs;
+    for (size_t n = 0; n < 3; ++n)
+        for (const char* name : {"a", "b", "c", "d", "e", "f"}) {
+            inputs.push_back(graph.input({}));
+            losses.term(name, 2, scaleShift(graph, inputs.back(), 1, 0));
+        }
+    losses.sum();
+    graph.compile();
+    Notes notes(3);
+    notes.loop.follow(graph, losses);
+    notes.loop.submit = [&](int64_t i, const std::vector<size_t>&) {
+        for (size_t k = 0; k < inputs.size(); ++k)
+            graph.write(inputs[k],
+                        std::vector<float>{i == notes.bad && k == 9 ? NAN : float(i + 1)});
+        graph.submit();
+    };
+    EXPECT_TRUE(notes.loop.run({.out = folder / "x"}));
+    EXPECT_EQ(rows(folder / "x"),
+              (std::vector<std::string>{"step,loss,a,b,c,d,e,f", "0,12,1,1,1,1,1,1",
+                                        "1,24,2,2,2,2,2,2", "2,36,3,3,3,3,3,3"}));
+    notes.bad = 1;
+    try {
+        notes.loop.run({.out = folder / "y"});
+        ADD_FAILURE() << "a loss was nan";
+    } catch (const MachineError& error) {
+        EXPECT_NE(std::string(error.what()).find("stage mesh: loss \"d\" became nan at step 2"),
+                  std::string::npos)
+            << error.what();
     }
 }
 
@@ -105,7 +149,10 @@ TEST(StageLoop, AStopKeepsTheStepThatWasUnderWay) {
     // Going on draws for the steps that were done and starts with the next.
     Notes second(6);
     int64_t draws = 0;
-    second.loop.draw = [&] { ++draws; };
+    second.loop.draw = [&] {
+        ++draws;
+        return std::vector<size_t>{7};
+    };
     settings.afterStep = {};
     settings.resume = true;
     EXPECT_TRUE(second.loop.run(settings));

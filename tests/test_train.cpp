@@ -118,7 +118,7 @@ Preset restlessPreset() {
     preset.texture.batch = 2;
     preset.texture.dropout = 0.5;
     preset.texture.constantInput = false;
-    preset.texture.region = "union";
+    preset.texture.region = Region::Union;
     preset.refine.steps = 8;
     preset.refine.batch = 2;
     preset.refine.dropout = 0.5;

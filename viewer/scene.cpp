@@ -175,7 +175,7 @@ struct Scene::Drawing {
 
     // [V,2] body part, and the clamp bound as part of the largest.
     Tensor marksOf(const Avatar& avatar) {
-        std::vector<float> bounds = clampBounds(avatar.body, clampsOf(avatar.preset.mesh));
+        std::vector<float> bounds = clampBounds(avatar.body, avatar.preset.mesh.clamps);
         float most = *std::ranges::max_element(bounds);
         std::vector<float> values;
         for (size_t v = 0; v < bounds.size(); ++v) {

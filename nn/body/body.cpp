@@ -262,7 +262,7 @@ std::vector<double> restJoints(const BodyModel& body, std::span<const double> be
 std::vector<float> clampBounds(const BodyModel& body, ClampBounds source) {
     if (source == ClampBounds::None) return std::vector<float>(body.part.size(), 1.0f);
     bool paper = source == ClampBounds::Paper;
-    std::array<float, kBodyPartEnd> bounds{};
+    std::array<float, kBodyPartEnd> bounds{};  // K by body part, m
     bounds[kHead] = 0.04f;
     bounds[kTorso] = 0.06f;
     bounds[kLeftUpperArm] = bounds[kRightUpperArm] = paper ? 0.02f : 0.04f;

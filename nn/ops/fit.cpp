@@ -1,6 +1,8 @@
 #include "nn/ops/fit.h"
 
+#include <algorithm>
 #include <array>
+#include <span>
 
 #include "fit/params.h"
 #include "nn/core/op.h"
@@ -35,7 +37,7 @@ static const Op kSelectRow{{
 }};
 
 Pose poseCorrection(Graph& graph, const Tensor& start, const Tensor& correction, float transScale) {
-    Pose pose{graph.temporary({72}), graph.temporary({3})};
+    Pose pose{graph.temporary({kThetaSize}), graph.temporary({3})};
     PoseCorrectionParams params{transScale};
     graph.beginOp("pose_correction");
     graph.dispatch("fit/pose_correction.forward",
@@ -116,8 +118,8 @@ static const Op kPosePrior{{
         },
 }};
 
-Tensor weightedSum(Graph& graph, const std::vector<WeightedTerm>& terms) {
-    CHECK(!terms.empty() && terms.size() <= 4, "a weighted sum has one to four terms");
+// Of one to four terms, as many as the kernel takes.
+static Tensor sumOfFew(Graph& graph, std::span<const WeightedTerm> terms) {
     // Missing terms repeat the first one with weight 0.
     std::array<Tensor, 4> t;
     std::array<float, 4> w{};
@@ -141,6 +143,20 @@ Tensor weightedSum(Graph& graph, const std::vector<WeightedTerm>& terms) {
         }
     });
     return loss;
+}
+
+Tensor weightedSum(Graph& graph, const std::vector<WeightedTerm>& terms) {
+    CHECK(!terms.empty(), "a weighted sum has terms");
+    auto rest = std::span(terms);
+    Tensor sum = sumOfFew(graph, rest.first(std::min<size_t>(4, rest.size())));
+    for (rest = rest.subspan(std::min<size_t>(4, rest.size())); !rest.empty();) {
+        std::vector<WeightedTerm> next{{sum, 1}};
+        size_t count = std::min<size_t>(3, rest.size());
+        next.insert(next.end(), rest.begin(), rest.begin() + static_cast<long>(count));
+        sum = sumOfFew(graph, next);
+        rest = rest.subspan(count);
+    }
+    return sum;
 }
 
 static const Op kWeightedSum{{

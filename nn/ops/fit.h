@@ -1,11 +1,12 @@
 // What fitting a body to frames needs besides LBS and the rasterizer: pose tables and priors.
 #pragma once
 
+#include "nn/body/joint.h"
 #include "nn/core/graph.h"
 
 namespace doppel {
 
-constexpr int64_t kPoseRow = 75;  // 24 joint rotations (axis-angle), then a translation
+constexpr int64_t kPoseRow = kThetaSize + 3;  // a theta, then a translation
 
 // row = table[index[word] + offset], the row's number clamped to the table.
 // table [rows, n], index i32 [k], word < k; row [n]. No gradient: watch() the row where one is
@@ -31,7 +32,8 @@ struct PosePriorWeights {
 Tensor posePrior(Graph& graph, const Tensor& correction, const Tensor& before, const Tensor& after,
                  const Tensor& jointWeight, const Tensor& beta, const PosePriorWeights& weights);
 
-// loss = Σ weight · term, for one to four scalar terms. loss []; gradient to every term.
+// loss = Σ weight · term from the first on, for one scalar term or more. loss []; gradient to every
+// term.
 struct WeightedTerm {
     Tensor term;
     float weight;

@@ -10,7 +10,7 @@ Inference::Inference(Device& device, const BodyModel& body, const std::array<flo
                      const InferenceConfig& config, const CompileOptions& options,
                      const TextureUnet* refineNet)
     : graph(device) {
-    theta = graph.input({72});
+    theta = graph.input({kThetaSize});
     trans = graph.input({3});
     camera = graph.input(kCameraShape);
     Tensor beta = graph.constant(std::span<const float>(betas), {10});

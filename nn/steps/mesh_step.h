@@ -10,10 +10,41 @@
 #include "nn/body/body.h"
 #include "nn/nets/mesh_net.h"
 #include "nn/ops/body.h"
-#include "nn/ops/optim.h"
 #include "nn/ops/raster.h"
+#include "nn/steps/adamw_numbers.h"
+#include "nn/steps/losses.h"
 
 namespace doppel {
+
+CHOICE_WORDS(ClampBounds, Paper, Program, None)
+
+// Stage 1: the mesh refinement network G_m.
+#define MESH_NUMBERS(NUMBER, FLAG, CHOICE)                                                      \
+    NUMBER(int, size, 256, 16, 4096, "side of the crops, pixels")                               \
+    NUMBER(int, blocks, 3, 1, 16, "blocks of G_m")                                              \
+    NUMBER(int, layers, 6, 1, 64, "graph convolutions per block")                               \
+    NUMBER(int, hidden, 128, 4, 1024, "features per vertex")                                    \
+    NUMBER(double, deviation, .01, 0, 1, "standard deviation of the first weights")             \
+    NUMBER(int, batch, 4, 1, 256, "frames of a step")                                           \
+    NUMBER(int, epochs, 20, 0, kNoLimit, "times that all frames are taken, where steps is 0")   \
+    NUMBER(int, steps, 0, 0, kNoLimit, "steps, whatever the number of frames; 0: go by epochs") \
+    NUMBER(double, lr, 1e-4, 0, 10, "learning rate")                                            \
+    ADAMW_NUMBERS(NUMBER)                                                                       \
+    NUMBER(double, sigma, 1e-5, 1e-9, 1,                                                        \
+           "softness of the silhouette's rim, squared NDC; program: 1e-4 at the same radius")   \
+    NUMBER(double, blurRadius, 9.21024e-5, 0, 1,                                                \
+           "how far a face is felt, squared NDC: ln(1/1e-4 - 1) sigma")                         \
+    NUMBER(double, laplacian, 1, 0, kNoLimit, "λ_gl, weight of the Laplacian smoothing L_gl")   \
+    NUMBER(double, normal, .5, 0, kNoLimit, "λ_gn, weight of the normal consistency L_gn")      \
+    NUMBER(double, silhouette, 1, 0, kNoLimit, "weight of the silhouettes' loss L_s")           \
+    NUMBER(double, gradientClip, 0, 0, kNoLimit, "largest gradient norm, 0: none; program: 2")  \
+    FLAG(dilateMask, false, "the mask grows by a pixel before the loss; program: true")         \
+    FLAG(balanceHeadings, false, "frames are drawn evenly over 8 body headings; program: true") \
+    CHOICE(ClampBounds, clamps, Paper, "whose table of K(v) bounds the blocks' offsets")
+struct MeshPreset {
+    NUMBERS(MESH_NUMBERS)
+};
+MeshNetConfig meshNetConfig(const MeshPreset& preset);
 
 // G_m on a graph, with what goes before and after it.
 struct MeshNetwork {
@@ -38,29 +69,18 @@ struct MeshNetwork {
 MeshNetwork meshNetwork(Graph& graph, const BodyModel& body, const MeshNetConfig& config,
                         ClampBounds clamps, const Parameters& parameters);
 
-struct MeshStepConfig {
-    MeshNetConfig net;
-    ClampBounds clamps = ClampBounds::Paper;
-    int size = 256, batch = 4;                          // side of the silhouettes, pixels; frames
-    float silhouette = 1, laplacian = 1, normal = .5f;  // weights of the losses
-    float gradientClip = 0;                             // largest gradient norm; 0: none
-    bool dilateMask = false;                            // 3x3 before the loss
-    AdamWOptions optimiser;
-};
-
 // One training step over a batch of frames: forward, backward and update in one graph.
 struct MeshStep {
     struct Sample {
         Tensor camera, target, theta, trans;  // kCameraShape, [S,S], [72], [3]: inputs
     };
     Graph graph;
+    Losses losses{graph};  // iou_loss (L_s), laplacian (L_gl), normal (L_gn)
     std::vector<Sample> samples;
-    Tensor loss, iouLoss, laplacian, normal;  // outputs, means over the batch
 
     // net: as declared by addMeshNetParameters() and allocated; outlives the step.
     MeshStep(Device& device, const BodyModel& body, const std::array<float, 10>& betas,
-             const Parameters& net, const MeshStepConfig& config,
-             const CompileOptions& options = {});
+             const Parameters& net, const MeshPreset& preset, const CompileOptions& options = {});
 };
 
 }  // namespace doppel

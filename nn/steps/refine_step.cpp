@@ -1,12 +1,11 @@
 #include "nn/steps/refine_step.h"
 
-#include <algorithm>
+#include <string>
 
 #include "nn/ops/elementwise.h"
 #include "nn/ops/fit.h"
 #include "nn/ops/gan.h"
 #include "nn/ops/loss.h"
-#include "nn/ops/raster.h"
 #include "nn/ops/texture.h"
 
 namespace doppel {
@@ -25,42 +24,29 @@ Tensor batched(Graph& graph, const std::vector<Tensor>& parts) {
     return all;
 }
 
-Tensor mean(Graph& graph, const std::vector<Tensor>& terms) {
-    float share = 1.0f / static_cast<float>(terms.size());
-    Tensor sum;
-    for (size_t i = 0; i < terms.size(); i += 3) {
-        std::vector<WeightedTerm> some;
-        if (sum) some.push_back({sum, 1});
-        for (size_t k = i; k < std::min(i + 3, terms.size()); ++k)
-            some.push_back({terms[k], share});
-        sum = weightedSum(graph, some);
-    }
-    return sum;
-}
-
 }  // namespace
 
-TextureUnetConfig refineUnetConfig(const RefineConfig& config) {
-    return {.size = config.textureSize,
-            .width = config.width,
+TextureUnetConfig refineUnetConfig(const RefinePreset& preset, int64_t textureSize) {
+    return {.size = textureSize,
+            .width = preset.width,
             .inputChannels = 4,
             .outputChannels = 3,
-            .downs = config.depth};
+            .downs = preset.depth};
 }
 
-RefineNetworks::RefineNetworks(const RefineConfig& config, uint32_t seed)
-    : generator(refineUnetConfig(config), "refine", seed),
-      image(sized(imageDiscriminator(config.discriminatorWidth), config.imageDiscriminator),
+RefineNetworks::RefineNetworks(const RefinePreset& preset, int64_t textureSize, uint32_t seed)
+    : generator(refineUnetConfig(preset, textureSize), "refine", seed),
+      image(sized(imageDiscriminator(preset.discriminatorWidth), preset.imageDiscriminator),
             "image_discriminator", seed),
-      face(sized(faceDiscriminator(config.discriminatorWidth), config.faceDiscriminator),
+      face(sized(faceDiscriminator(preset.discriminatorWidth), preset.faceDiscriminator),
            "face_discriminator", seed) {
     auto check = [](const PatchDiscriminator& net, const char* what, int64_t pixels) {
         if (pixels < net.smallestPicture())
             throwInput("{} discriminator: pictures must have {} pixels or more, found {}", what,
                        net.smallestPicture(), pixels);
     };
-    if (config.imageDiscriminator) check(image, "image", config.size);
-    if (config.faceDiscriminator) check(face, "face", config.faceSize);
+    if (preset.imageDiscriminator) check(image, "image", preset.size);
+    if (preset.faceDiscriminator) check(face, "face", preset.faceSize);
 }
 
 void RefineNetworks::allocate(Device& device) {
@@ -78,11 +64,12 @@ Tensor refineTextures(Graph& graph, const TextureUnet& generator, const Tensor& 
     return clamp(graph, add(graph, coarse, half), 0, 1);
 }
 
-RefineStep::RefineStep(Device& device, const BodyModel& body, const RefineConfig& config,
+RefineStep::RefineStep(Device& device, const BodyModel& body, const RefinePreset& preset,
                        const RefineNetworks& networks, const CoarseTexture& coarse,
                        const CompileOptions& options)
     : graph(device) {
-    const int64_t size = config.size, texels = config.textureSize, batch = config.batch;
+    const int64_t size = preset.size, texels = networks.generator.config().size,
+                  batch = preset.batch;
     CHECK(batch > 0, "a batch has frames");
     RasterMesh mesh = rasterMesh(graph, body.faces, body.vertexCount);
     Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
@@ -96,9 +83,9 @@ RefineStep::RefineStep(Device& device, const BodyModel& body, const RefineConfig
         maps.push_back(visibilityMap(graph, mesh, samples.back().verts, atlas, texels)
                            .reshaped({1, 1, texels, texels}));
     }
-    Tensor seen = batched(graph, maps);
+    Tensor seen = batched(graph, maps);  // x_v = U(M)
 
-    // The coarse textures, as planes for G_RN and interleaved for the renders.
+    // The coarse textures x_p, as planes for G_RN and interleaved for the renders.
     Tensor coarsePlanes;
     std::vector<Tensor> coarseTextures;
     if (coarse.net) {
@@ -114,87 +101,77 @@ RefineStep::RefineStep(Device& device, const BodyModel& body, const RefineConfig
         coarsePlanes = batched(graph, std::vector<Tensor>(static_cast<size_t>(batch), planes));
     }
 
-    Tensor refined = refineTextures(graph, networks.generator, coarsePlanes, seen,
-                                    {.training = true, .dropout = config.dropout}, config.residual);
+    Tensor refined =
+        refineTextures(graph, networks.generator, coarsePlanes, seen,
+                       {.training = true, .dropout = preset.dropout > 0}, preset.residual);
     std::vector<Tensor> textures = interleave(graph, refined);
 
-    std::vector<Tensor> renders, images, regions, masks, reconstructions, misalignments;
+    std::vector<Tensor> renders, images, regions, masks;
     for (int64_t n = 0; n < batch; ++n) {
         const Sample& sample = samples[size_t(n)];
         VisibilityBuffer visible =
             visibilityBuffer(graph, mesh, sample.verts, sample.camera, size, size);
         Tensor render = texturedRender(graph, visible, atlas, textures[size_t(n)]);
-        Tensor both = multiply(graph, visible.mask, sample.mask);
-        Tensor region = both;
-        if (config.unionRegion)
-            region =
-                add(graph, add(graph, visible.mask, sample.mask), scaleShift(graph, both, -1, 0));
+        Tensor region = regionOf(graph, preset.region, visible.mask, sample.mask);  // B
+        // C
         Tensor apart = misalignedRegion(graph, visible.mask, sample.mask, faceCentres, n,
-                                        config.faceSize, config.oneSided);
+                                        preset.faceSize, preset.apart == Misalignment::Rendered);
         Tensor before = texturedRender(graph, visible, atlas, coarseTextures[size_t(n)]);
-        reconstructions.push_back(maskedL1Loss(graph, render, sample.image, region));
-        misalignments.push_back(maskedL1Loss(graph, render, before, apart));
+        // L_r = α1 ‖(I − Î^RN) ⊗ B‖₁/‖B‖₁ + α2 ‖(Î^TN − Î^RN) ⊗ C‖₁/‖C‖₁
+        losses.term("reconstruction", preset.reconstruction,
+                    maskedL1Loss(graph, render, sample.image, region));
+        losses.term("misaligned", preset.misaligned, maskedL1Loss(graph, render, before, apart));
         renders.push_back(render);
         images.push_back(sample.image);
         regions.push_back(region);
         masks.push_back(sample.mask);
     }
-    reconstruction = mean(graph, reconstructions);
-    misaligned = mean(graph, misalignments);
 
     auto ganLoss = [&](const Tensor& logits, bool real) {
-        return config.leastSquares ? leastSquaresGanLoss(graph, logits, real)
-                                   : logGanLoss(graph, logits, real);
+        return preset.loss == GanLoss::Squares ? leastSquaresGanLoss(graph, logits, real)
+                                               : logGanLoss(graph, logits, real);
     };
     struct Opponent {
+        std::string name;
         const PatchDiscriminator* net;
         Tensor fake, real;
-        Tensor* discriminatorLoss;
-        Tensor* ganLoss;
     };
     std::vector<Opponent> opponents;
-    if (config.imageDiscriminator || config.faceDiscriminator) {
+    if (preset.imageDiscriminator || preset.faceDiscriminator) {
         // The render is black where nothing is rendered: in its own silhouette as it is.
-        Tensor fake = config.ownMasks ? planar(graph, renders) : planar(graph, renders, regions);
-        Tensor real = planar(graph, images, config.ownMasks ? masks : regions);
-        if (config.imageDiscriminator)
-            opponents.push_back({&networks.image, fake, real, &discriminatorImage, &ganImage});
-        if (config.faceDiscriminator)
-            opponents.push_back({&networks.face,
-                                 cropWindow(graph, fake, faceCentres, config.faceSize),
-                                 cropWindow(graph, real, faceCentres, config.faceSize),
-                                 &discriminatorFace, &ganFace});
+        const bool own = preset.masks == GanMasks::Own;
+        Tensor fake = own ? planar(graph, renders) : planar(graph, renders, regions);
+        Tensor real = planar(graph, images, own ? masks : regions);
+        if (preset.imageDiscriminator) opponents.push_back({"image", &networks.image, fake, real});
+        if (preset.faceDiscriminator)
+            opponents.push_back({"face", &networks.face,
+                                 cropWindow(graph, fake, faceCentres, preset.faceSize),
+                                 cropWindow(graph, real, faceCentres, preset.faceSize)});
     }
 
     // The discriminators' turn: what the generator painted is given.
+    Losses discriminatorLosses(graph);
     if (!opponents.empty()) {
-        std::vector<WeightedTerm> terms;
         for (const Opponent& o : opponents) {
             PatchDiscriminator::Tensors weights = o.net->trained(graph);
             Tensor onFake = ganLoss(o.net->forward(graph, weights, detach(graph, o.fake)), false);
             Tensor onReal = ganLoss(o.net->forward(graph, weights, o.real), true);
-            *o.discriminatorLoss = weightedSum(graph, {{onReal, 1}, {onFake, 1}});
-            terms.push_back({*o.discriminatorLoss, 1});
+            discriminatorLosses.term("discriminator_" + o.name, 1,
+                                     weightedSum(graph, {{onReal, 1}, {onFake, 1}}));
         }
-        graph.backward(weightedSum(graph, terms));
-        for (const Opponent& o : opponents)
-            adamwStep(graph, o.net->parameters(), config.discriminatorOptimiser);
+        graph.backward(discriminatorLosses.sum());
+        AdamWOptions optimiser = adamwOptions(preset);
+        optimiser.rateScale = static_cast<float>(preset.lrDiscriminator / preset.lr);
+        for (const Opponent& o : opponents) adamwStep(graph, o.net->parameters(), optimiser);
     }
 
-    // The generator's.
-    std::vector<WeightedTerm> terms{{reconstruction, config.reconstruction},
-                                    {misaligned, config.misaligned}};
-    for (const Opponent& o : opponents) {
-        *o.ganLoss = ganLoss(o.net->forward(graph, o.net->frozen(graph), o.fake), true);
-        terms.push_back({*o.ganLoss, config.adversarial});
-    }
-    generatorLoss = weightedSum(graph, terms);
-    graph.backward(generatorLoss);
-    adamwStep(graph, networks.generator.parameters(), config.generatorOptimiser);
-
-    for (const Tensor& loss : {generatorLoss, reconstruction, misaligned, ganImage, ganFace,
-                               discriminatorImage, discriminatorFace})
-        if (loss) graph.output(loss);
+    // The generator's: L_G against the new discriminators, and L_r.
+    for (const Opponent& o : opponents)
+        losses.term("gan_" + o.name, preset.adversarial,
+                    ganLoss(o.net->forward(graph, o.net->frozen(graph), o.fake), true));
+    graph.backward(losses.sum());
+    adamwStep(graph, networks.generator.parameters(), adamwOptions(preset));
+    if (!opponents.empty()) losses.append(discriminatorLosses);
     graph.compile(options);
 }
 

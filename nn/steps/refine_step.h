@@ -5,50 +5,64 @@
 
 #include <vector>
 
-#include "nn/body/body.h"
 #include "nn/nets/discriminator.h"
-#include "nn/nets/texture_unet.h"
-#include "nn/ops/optim.h"
+#include "nn/steps/texture_step.h"
 
 namespace doppel {
 
 // How G_RN's output y in [-1,1] and the coarse texture x_p in [0,1] make the refined one.
-enum class Residual {
-    Clamped,  // x_p + y/2 within [0,1]: y = 0 gives x_p back
-    Program,  // (1 + x_p + y)/2, as the authors' program has it: from 0 to 1.5
+//
+//     Clamped   x_p + y/2 within [0,1]: y = 0 gives x_p back
+//     Program   (1 + x_p + y)/2, as the authors' program has it: from 0 to 1.5
+CHOICES(Residual, Clamped, Program)
+CHOICES(GanLoss, Log, Squares)  // L_G and L_D: log-likelihood, or least squares
+CHOICES(GanMasks, Region, Own)  // what discriminators see of frame and render: B, or each in
+                                // its own silhouette
+CHOICES(Misalignment, Different, Rendered)  // C: where the silhouettes differ, or what is rendered
+                                            // but not real
+
+// Stage 3: the texture refinement network G_RN and its discriminators. Its textures have stage 2's
+// size.
+#define REFINE_NUMBERS(NUMBER, FLAG, CHOICE)                                                    \
+    NUMBER(int, size, 512, 16, 4096, "side of the crops, pixels")                               \
+    NUMBER(int, width, 64, 1, 512, "channels d of the U-Net's first step")                      \
+    NUMBER(int, depth, 9, 2, 12, "steps down; 2^depth is texture.textureSize at most")          \
+    NUMBER(int, discriminatorWidth, 64, 1, 512, "channels d of the discriminators")             \
+    NUMBER(int, faceSize, 80, 12, 4096, "side of the face discriminator's crops, pixels")       \
+    NUMBER(int, batch, 8, 1, 256, "frames of a step")                                           \
+    NUMBER(int, epochs, 40, 0, kNoLimit, "times that all frames are taken, where steps is 0")   \
+    NUMBER(int, steps, 0, 0, kNoLimit, "steps, whatever the number of frames; 0: go by epochs") \
+    NUMBER(double, lr, 2e-4, 1e-12, 10, "learning rate of G_RN")                                \
+    NUMBER(double, lrDiscriminator, 2e-5, 0, 10, "learning rate of the discriminators")         \
+    ADAMW_NUMBERS(NUMBER)                                                                       \
+    NUMBER(double, dropout, .5, 0, .99, "in steps up 2 to 5; 0: none")                          \
+    CHOICE(GanLoss, loss, Log, "log-likelihood; program: squares, least squares")               \
+    NUMBER(double, adversarial, 1, 0, kNoLimit, "weight of each adversarial loss L_G")          \
+    NUMBER(double, reconstruction, 100, 0, kNoLimit, "α1, weight of the difference in B")       \
+    NUMBER(double, misaligned, 100, 0, kNoLimit, "α2, weight of the difference in C")           \
+    FLAG(imageDiscriminator, true, "D2, on whole pictures")                                     \
+    FLAG(faceDiscriminator, true, "D1, on faces")                                               \
+    CHOICE(Region, region, Union, "B, the pixels that count; program: intersection")            \
+    CHOICE(GanMasks, masks, Region,                                                             \
+           "what discriminators see: B, or own silhouettes; program: own")                      \
+    CHOICE(Misalignment, apart, Different,                                                      \
+           "C: differing silhouettes; program: rendered, not real")                             \
+    CHOICE(Residual, residual, Clamped, "x_p + y/2 within [0,1]; program: (1 + x_p + y)/2")     \
+    FLAG(balanceHeadings, false, "frames are drawn evenly over 8 body headings; program: true")
+struct RefinePreset {
+    NUMBERS(REFINE_NUMBERS)
 };
 
-struct RefineConfig {
-    int64_t size = 512;  // of the renders
-    int64_t textureSize = 512;
-    int64_t width = 64;  // d of G_RN
-    int64_t depth = 0;   // steps down; 0: to one pixel
-    int64_t discriminatorWidth = 64;
-    int64_t faceSize = 80;  // pixels of the face's crop
-    int batch = 8;
-    bool dropout = true;
-    bool imageDiscriminator = true, faceDiscriminator = true;
-    bool leastSquares = false;  // in place of the log-likelihood
-    // Weights of the generator's losses: each adversarial one, α1 and α2.
-    float adversarial = 1, reconstruction = 100, misaligned = 100;
-    bool unionRegion = true;  // B: the union of rendered and real body, or their intersection
-    bool ownMasks = false;    // discriminators see frames and renders in their own silhouettes,
-                              // or both in B
-    bool oneSided = false;    // C: only what is rendered but not real
-    Residual residual = Residual::Clamped;
-    AdamWOptions generatorOptimiser, discriminatorOptimiser;  // its rateScale: lr_D / lr_G
-};
-
-// Fresh networks; what the configuration leaves out is there, but small.
+// Fresh networks; a discriminator that the preset leaves out is there, but small.
 struct RefineNetworks {
     TextureUnet generator;
     PatchDiscriminator image, face;  // D2, D1
 
     // InputError where the sizes do not fit.
-    RefineNetworks(const RefineConfig& config, uint32_t seed);
+    RefineNetworks(const RefinePreset& preset, int64_t textureSize, uint32_t seed);
     void allocate(Device& device);
 };
-TextureUnetConfig refineUnetConfig(const RefineConfig& config);
+TextureUnetConfig refineUnetConfig(const RefinePreset& preset, int64_t textureSize);
 
 // coarse [N,3,T,T] in [0,1], maps [N,1,T,T] (visibility) -> refined [N,3,T,T]. Gradients to the
 // network's parameters.
@@ -65,7 +79,8 @@ struct CoarseTexture {
 // discriminators,
 //
 //     L_D = Σ over D of L(D(y), real) + L(D(Î), fake)
-//     L_G = Σ over D of w L(D(Î), real) + α1 ‖(I − Î) ⊗ B‖₁/‖B‖₁ + α2 ‖(Î^TN − Î) ⊗ C‖₁/‖C‖₁
+//     Σ over D of w L_G + L_r,  L_G = L(D(Î), real),  L_r = α1 ‖(I − Î) ⊗ B‖₁/‖B‖₁ + α2 ‖(Î^TN − Î)
+//     ⊗ C‖₁/‖C‖₁
 //
 // in one recording. Means over the batch's frames; an empty B or C gives 0.
 class RefineStep {
@@ -75,17 +90,16 @@ public:
         Tensor image, mask;    // the frame [S,S,3] and where the person is [S,S], in [0,1]
     };
     // body: faces, UVs and their numbers. The networks are allocated and outlive the step.
-    RefineStep(Device& device, const BodyModel& body, const RefineConfig& config,
+    RefineStep(Device& device, const BodyModel& body, const RefinePreset& preset,
                const RefineNetworks& networks, const CoarseTexture& coarse,
                const CompileOptions& options = {});
 
     Graph graph;
+    // reconstruction, misaligned; gan_image and gan_face, L(D(Î), real), and behind them
+    // discriminator_image and discriminator_face, L_D, for the discriminators that are used.
+    Losses losses{graph};
     std::vector<Sample> samples;
     Tensor faceCentres;  // [N,2] where the head's joint is in the picture: column, row, in pixels
-    // Outputs, each []. Empty: that discriminator is left out.
-    Tensor generatorLoss, reconstruction, misaligned;
-    Tensor ganImage, ganFace;                      // L(D(Î), real)
-    Tensor discriminatorImage, discriminatorFace;  // L_D of each
 };
 
 }  // namespace doppel

@@ -1,20 +1,16 @@
 #include "nn/steps/texture_step.h"
 
 #include "nn/ops/elementwise.h"
-#include "nn/ops/fit.h"
 #include "nn/ops/loss.h"
 #include "nn/ops/texture.h"
 
 namespace doppel {
 
-namespace {
-
-// a + b - a b: the union of two masks.
-Tensor unite(Graph& graph, const Tensor& a, const Tensor& b) {
-    return add(graph, add(graph, a, b), scaleShift(graph, multiply(graph, a, b), -1, 0));
+Tensor regionOf(Graph& graph, Region region, const Tensor& a, const Tensor& b) {
+    Tensor both = multiply(graph, a, b);
+    if (region == Region::Intersection) return both;
+    return add(graph, add(graph, a, b), scaleShift(graph, both, -1, 0));
 }
-
-}  // namespace
 
 std::vector<Tensor> paintTextures(Graph& graph, const TextureUnet& net,
                                   const std::vector<Tensor>& maps, TextureUnet::Mode mode) {
@@ -32,41 +28,38 @@ std::vector<Tensor> paintTextures(Graph& graph, const TextureUnet& net,
 }
 
 TextureStep::TextureStep(Device& device, const BodyModel& body, const TextureUnet& net,
-                         const TextureStepConfig& config, const CompileOptions& options)
+                         const TexturePreset& preset, const CompileOptions& options)
     : graph(device) {
-    int64_t size = config.size, texels = net.config().size;
+    int64_t size = preset.size, texels = net.config().size;
     RasterMesh mesh = rasterMesh(graph, body.faces, body.vertexCount);
     Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
     RasterAtlas atlas = rasterAtlas(graph, uvs, body.uvFaces);
 
     // The network sees the whole batch at once, so its batch statistics are the batch's.
     std::vector<Tensor> maps;
-    for (int i = 0; i < config.batch; ++i) {
+    for (int i = 0; i < preset.batch; ++i) {
         Sample sample{graph.input(kCameraShape), graph.input({body.vertexCount, 3}),
                       graph.input({size, size, 3}), graph.input({size, size})};
-        if (!config.constantInput)
+        if (!preset.constantInput)
             maps.push_back(visibilityMap(graph, mesh, sample.verts, atlas, texels));
         samples.push_back(sample);
     }
     std::vector<Tensor> textures =
-        paintTextures(graph, net, maps, {.training = true, .dropout = config.dropout});
+        paintTextures(graph, net, maps, {.training = true, .dropout = preset.dropout > 0});
     for (size_t i = 0; i < samples.size(); ++i) {
         const Sample& sample = samples[i];
         VisibilityBuffer seen =
             visibilityBuffer(graph, mesh, sample.verts, sample.camera, size, size);
         // With a constant input there is one texture for the whole batch.
-        const Tensor& texture = textures[config.constantInput ? 0 : i];
+        const Tensor& texture = textures[preset.constantInput ? 0 : i];
         Tensor render = texturedRender(graph, seen, atlas, texture);
-        Tensor region = config.unionRegion ? unite(graph, seen.mask, sample.mask)
-                                           : multiply(graph, seen.mask, sample.mask);
-        Tensor term = maskedL1Loss(graph, render, sample.image, region);
-        float weight = config.weight / static_cast<float>(config.batch);
-        loss = loss ? weightedSum(graph, {{loss, 1}, {term, weight}})
-                    : weightedSum(graph, {{term, weight}});
+        // L_pt, in the region B
+        Tensor region = regionOf(graph, preset.region, seen.mask, sample.mask);
+        losses.term("reconstruction", preset.weight,
+                    maskedL1Loss(graph, render, sample.image, region));
     }
-    graph.backward(loss);
-    adamwStep(graph, net.parameters(), config.optimiser);
-    graph.output(loss);
+    graph.backward(losses.sum());
+    adamwStep(graph, net.parameters(), adamwOptions(preset));
     graph.compile(options);
 }
 

@@ -7,24 +7,41 @@
 
 #include "nn/body/body.h"
 #include "nn/nets/texture_unet.h"
-#include "nn/ops/optim.h"
 #include "nn/ops/raster.h"
+#include "nn/steps/adamw_numbers.h"
+#include "nn/steps/losses.h"
 
 namespace doppel {
+
+// B, the pixels that the colours' losses count: the union of the rendered and the real body, or
+// their intersection.
+CHOICES(Region, Union, Intersection)
+
+// Stage 2: the coarse texture network G_TN.
+#define TEXTURE_NUMBERS(NUMBER, FLAG, CHOICE)                                               \
+    NUMBER(int, size, 512, 16, 4096, "side of the crops, pixels")                           \
+    NUMBER(int, textureSize, 512, 16, 4096, "side of the textures, texels; a power of two") \
+    NUMBER(int, width, 64, 1, 512, "channels d of the U-Net's first step")                  \
+    NUMBER(int, depth, 9, 2, 12, "steps down; 2^depth is textureSize at most")              \
+    NUMBER(int, batch, 8, 1, 256, "frames of a step")                                       \
+    NUMBER(int, steps, 2000, 0, kNoLimit, "steps, whatever the number of frames")           \
+    NUMBER(double, lr, 2e-3, 0, 10, "learning rate")                                        \
+    ADAMW_NUMBERS(NUMBER)                                                                   \
+    NUMBER(double, weight, 1, 0, kNoLimit, "weight of L_pt; program: 100")                  \
+    NUMBER(double, dropout, .5, 0, .99, "in steps up 2 to 5; 0: none")                      \
+    CHOICE(Region, region, Union, "B, the pixels that count; program: intersection")        \
+    FLAG(constantInput, false, "all ones in place of the visibility map x_v; program: true")
+struct TexturePreset {
+    NUMBERS(TEXTURE_NUMBERS)
+};
+
+// a + b - a b, or a b: the masks' union or intersection.
+Tensor regionOf(Graph& graph, Region region, const Tensor& a, const Tensor& b);
 
 // G_TN: visibility maps [size,size] of a batch in, textures [size,size,3] in [0,1] out, one per
 // map. No maps: a map of ones, which paints all sides at once.
 std::vector<Tensor> paintTextures(Graph& graph, const TextureUnet& net,
                                   const std::vector<Tensor>& maps, TextureUnet::Mode mode);
-
-struct TextureStepConfig {
-    int size = 512, batch = 8;  // side of the renders, pixels; frames
-    float weight = 1;           // of L_pt
-    bool dropout = true;
-    bool unionRegion = true;     // B: union of rendered and real body; false: their intersection
-    bool constantInput = false;  // all ones in place of the visibility map
-    AdamWOptions optimiser;
-};
 
 // One training step over a batch of frames: forward, backward and update in one graph.
 struct TextureStep {
@@ -32,12 +49,12 @@ struct TextureStep {
         Tensor camera, verts, image, mask;  // kCameraShape, [V,3], [S,S,3], [S,S]: inputs
     };
     Graph graph;
+    Losses losses{graph};  // reconstruction (L_pt)
     std::vector<Sample> samples;
-    Tensor loss;  // output
 
     // net: allocated; outlives the step.
     TextureStep(Device& device, const BodyModel& body, const TextureUnet& net,
-                const TextureStepConfig& config, const CompileOptions& options = {});
+                const TexturePreset& preset, const CompileOptions& options = {});
 };
 
 }  // namespace doppel

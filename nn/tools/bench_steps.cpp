@@ -31,9 +31,9 @@ Recording meshStep(const BodyModel& body, int batch) {
         std::unique_ptr<MeshStep> step;
     };
     auto owner = std::make_shared<Owner>();
-    MeshStepConfig config;
+    MeshPreset config;
     config.batch = batch;
-    addMeshNetParameters(owner->net, config.net, 1);
+    addMeshNetParameters(owner->net, meshNetConfig(config), 1);
     owner->net.allocate(device());
     owner->step = std::make_unique<MeshStep>(device(), body, noBetas(), owner->net, config,
                                              CompileOptions{.timestamps = true});
@@ -54,7 +54,7 @@ Recording textureStep(const BodyModel& body, int batch) {
         std::unique_ptr<TextureStep> step;
     };
     auto owner = std::make_shared<Owner>();
-    TextureStepConfig config;
+    TexturePreset config;
     config.batch = batch;
     owner->net.allocate(device());
     owner->step = std::make_unique<TextureStep>(device(), body, owner->net, config,
@@ -72,7 +72,7 @@ Recording textureStep(const BodyModel& body, int batch) {
 
 Recording ganStep(const BodyModel& body, int batch) {
     struct Owner {
-        RefineConfig config;
+        RefinePreset config;
         TextureUnet coarse{{}, "texture", 1};
         std::unique_ptr<RefineNetworks> networks;
         std::unique_ptr<RefineStep> step;
@@ -80,13 +80,13 @@ Recording ganStep(const BodyModel& body, int batch) {
     auto owner = std::make_shared<Owner>();
     owner->config.batch = batch;
     owner->coarse.allocate(device());
-    owner->networks = std::make_unique<RefineNetworks>(owner->config, 1);
+    owner->networks = std::make_unique<RefineNetworks>(owner->config, 512, 1);
     owner->networks->allocate(device());
     owner->step = std::make_unique<RefineStep>(device(), body, owner->config, *owner->networks,
                                                CoarseTexture{.net = &owner->coarse},
                                                CompileOptions{.timestamps = true});
     Graph& graph = owner->step->graph;
-    auto size = static_cast<int>(owner->config.size);
+    int size = owner->config.size;
     std::vector<float> centres;
     for (const RefineStep::Sample& sample : owner->step->samples) {
         graph.write(sample.camera, standingCamera(size));
@@ -114,7 +114,7 @@ Recording inference(const BodyModel& body, bool refined) {
     owner->meshNet.allocate(device());
     owner->textureNet.allocate(device());
     if (refined) {
-        owner->refineNet.emplace(refineUnetConfig({}), "refine", 1);
+        owner->refineNet.emplace(refineUnetConfig({}, 512), "refine", 1);
         owner->refineNet->allocate(device());
     }
     owner->inference = std::make_unique<Inference>(

@@ -19,14 +19,6 @@ TextureUnetConfig unetConfig(const TexturePreset& preset) {
 
 }  // namespace
 
-AdamWOptions adamwOptions(double beta1, double beta2, double weightDecay) {
-    AdamWOptions options;
-    options.beta1 = static_cast<float>(beta1);
-    options.beta2 = static_cast<float>(beta2);
-    options.weightDecay = static_cast<float>(weightDecay);
-    return options;
-}
-
 // ---- stage 1 ------------------------------------------------------------------------------------
 
 void declareMeshNet(Parameters& parameters, const Avatar& avatar, uint64_t seed) {
@@ -34,22 +26,9 @@ void declareMeshNet(Parameters& parameters, const Avatar& avatar, uint64_t seed)
                          static_cast<uint32_t>(seed));
 }
 
-MeshNetConfig meshNetConfig(const MeshPreset& preset) {
-    return {.blocks = preset.blocks,
-            .layers = preset.layers,
-            .hidden = preset.hidden,
-            .deviation = static_cast<float>(preset.deviation)};
-}
-
-ClampBounds clampsOf(const MeshPreset& preset) {
-    return preset.clamps == "none"      ? ClampBounds::None
-           : preset.clamps == "program" ? ClampBounds::Program
-                                        : ClampBounds::Paper;
-}
-
 MeshNetwork meshNetwork(Graph& graph, const Avatar& avatar, const Parameters& parameters) {
     const MeshPreset& preset = avatar.preset.mesh;
-    return meshNetwork(graph, avatar.body, meshNetConfig(preset), clampsOf(preset), parameters);
+    return meshNetwork(graph, avatar.body, meshNetConfig(preset), preset.clamps, parameters);
 }
 
 // ---- stage 2 ------------------------------------------------------------------------------------
@@ -90,37 +69,10 @@ void paintTexture(Device& device, Avatar& avatar) {
 
 // ---- stage 3 ------------------------------------------------------------------------------------
 
-RefineConfig refineConfig(const Preset& preset) {
-    const RefinePreset& p = preset.refine;
-    auto f = [](double value) { return static_cast<float>(value); };
-    RefineConfig config;
-    config.size = p.size;
-    config.textureSize = preset.texture.textureSize;
-    config.width = p.width;
-    config.depth = p.depth;
-    config.discriminatorWidth = p.discriminatorWidth;
-    config.faceSize = p.faceSize;
-    config.batch = p.batch;
-    config.dropout = p.dropout > 0;
-    config.imageDiscriminator = p.imageDiscriminator;
-    config.faceDiscriminator = p.faceDiscriminator;
-    config.leastSquares = p.loss == "squares";
-    config.adversarial = f(p.adversarial);
-    config.reconstruction = f(p.reconstruction);
-    config.misaligned = f(p.misaligned);
-    config.unionRegion = p.region == "union";
-    config.ownMasks = p.masks == "own";
-    config.oneSided = p.apart == "rendered";
-    config.residual = p.residual == "program" ? Residual::Program : Residual::Clamped;
-    config.generatorOptimiser = adamwOptions(p.beta1, p.beta2, p.weightDecay);
-    config.discriminatorOptimiser = config.generatorOptimiser;
-    config.discriminatorOptimiser.rateScale = f(p.lrDiscriminator / p.lr);
-    return config;
-}
-
 RefineNet::RefineNet(Device& device, const Avatar& avatar)
-    : unet_(refineUnetConfig(refineConfig(avatar.preset)), "refine", std::nullopt),
-      residual_(refineConfig(avatar.preset).residual) {
+    : unet_(refineUnetConfig(avatar.preset.refine, avatar.preset.texture.textureSize), "refine",
+            std::nullopt),
+      residual_(avatar.preset.refine.residual) {
     unet_.allocate(device);
     loadWeights(unet_.parameters(), avatar.refineNet, "refine_net.safetensors");
     loadWeights(unet_.statistics(), avatar.refineNet, "refine_net.safetensors");

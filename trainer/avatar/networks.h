@@ -15,8 +15,6 @@ namespace doppel {
 
 void declareMeshNet(Parameters& parameters, const Avatar& avatar, uint64_t seed);
 
-MeshNetConfig meshNetConfig(const MeshPreset& preset);
-ClampBounds clampsOf(const MeshPreset& preset);
 MeshNetwork meshNetwork(Graph& graph, const Avatar& avatar, const Parameters& parameters);
 
 // ---- stage 2 ------------------------------------------------------------------------------------
@@ -49,8 +47,6 @@ void paintTexture(Device& device, Avatar& avatar);
 
 // ---- stage 3 ------------------------------------------------------------------------------------
 
-RefineConfig refineConfig(const Preset& preset);
-
 // G_RN as an avatar has it.
 class RefineNet {
 public:
@@ -68,7 +64,5 @@ private:
 
 // Values and running statistics.
 WeightMap weightsOf(const TextureUnet& unet);
-
-AdamWOptions adamwOptions(double beta1, double beta2, double weightDecay);
 
 }  // namespace doppel

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <bit>
 #include <charconv>
-#include <cmath>
 #include <type_traits>
 
 #include "engine/error.h"
@@ -14,105 +13,35 @@ namespace doppel {
 
 namespace {
 
-// Calls visit(name, field, lowest, highest) for every number, in the order of the declaration; for
-// texts the limits are ignored.
+// Calls visit(dotted name, NumberInfo, member) for every number, in the order of the declaration.
 template <typename P, typename Visit>
-void visitFields(P& preset, Visit visit) {
-    constexpr double kMany = 1e9;
-    auto& f = preset.fit;
-    visit("fit.size", f.size, 16, 4096);
-    visit("fit.passes", f.passes, 0, kMany);
-    visit("fit.sigmaStart", f.sigmaStart, 1e-9, 1);
-    visit("fit.sigma", f.sigma, 1e-9, 1);
-    visit("fit.lrTheta", f.lrTheta, 0, 10);
-    visit("fit.lrBeta", f.lrBeta, 0, 10);
-    visit("fit.constantPart", f.constantPart, 0, 1);
-    visit("fit.priorTheta", f.priorTheta, 0, kMany);
-    visit("fit.smoothTheta", f.smoothTheta, 0, kMany);
-    visit("fit.priorBeta", f.priorBeta, 0, kMany);
-    visit("fit.keypoints", f.keypoints, 0, kMany);
-    auto& m = preset.mesh;
-    visit("mesh.size", m.size, 16, 4096);
-    visit("mesh.blocks", m.blocks, 1, 16);
-    visit("mesh.layers", m.layers, 1, 64);
-    visit("mesh.hidden", m.hidden, 4, 1024);
-    visit("mesh.deviation", m.deviation, 0, 1);
-    visit("mesh.batch", m.batch, 1, 256);
-    visit("mesh.epochs", m.epochs, 0, kMany);
-    visit("mesh.steps", m.steps, 0, kMany);
-    visit("mesh.lr", m.lr, 0, 10);
-    visit("mesh.beta1", m.beta1, 0, .999999);
-    visit("mesh.beta2", m.beta2, 0, .999999);
-    visit("mesh.weightDecay", m.weightDecay, 0, 10);
-    visit("mesh.constantPart", m.constantPart, 0, 1);
-    visit("mesh.sigma", m.sigma, 1e-9, 1);
-    visit("mesh.blurRadius", m.blurRadius, 0, 1);
-    visit("mesh.laplacian", m.laplacian, 0, kMany);
-    visit("mesh.normal", m.normal, 0, kMany);
-    visit("mesh.silhouette", m.silhouette, 0, kMany);
-    visit("mesh.gradientClip", m.gradientClip, 0, kMany);
-    visit("mesh.dilateMask", m.dilateMask, 0, 1);
-    visit("mesh.balanceHeadings", m.balanceHeadings, 0, 1);
-    visit("mesh.clamps", m.clamps, 0, 0);
-    auto& t = preset.texture;
-    visit("texture.size", t.size, 16, 4096);
-    visit("texture.textureSize", t.textureSize, 16, 4096);
-    visit("texture.width", t.width, 1, 512);
-    visit("texture.depth", t.depth, 2, 12);
-    visit("texture.batch", t.batch, 1, 256);
-    visit("texture.steps", t.steps, 0, kMany);
-    visit("texture.lr", t.lr, 0, 10);
-    visit("texture.beta1", t.beta1, 0, .999999);
-    visit("texture.beta2", t.beta2, 0, .999999);
-    visit("texture.weightDecay", t.weightDecay, 0, 10);
-    visit("texture.constantPart", t.constantPart, 0, 1);
-    visit("texture.weight", t.weight, 0, kMany);
-    visit("texture.dropout", t.dropout, 0, .99);
-    visit("texture.region", t.region, 0, 0);
-    visit("texture.constantInput", t.constantInput, 0, 1);
-    auto& r = preset.refine;
-    visit("refine.size", r.size, 16, 4096);
-    visit("refine.width", r.width, 1, 512);
-    visit("refine.depth", r.depth, 2, 12);
-    visit("refine.discriminatorWidth", r.discriminatorWidth, 1, 512);
-    visit("refine.faceSize", r.faceSize, 12, 4096);
-    visit("refine.batch", r.batch, 1, 256);
-    visit("refine.epochs", r.epochs, 0, kMany);
-    visit("refine.steps", r.steps, 0, kMany);
-    visit("refine.lr", r.lr, 1e-12, 10);
-    visit("refine.lrDiscriminator", r.lrDiscriminator, 0, 10);
-    visit("refine.beta1", r.beta1, 0, .999999);
-    visit("refine.beta2", r.beta2, 0, .999999);
-    visit("refine.weightDecay", r.weightDecay, 0, 10);
-    visit("refine.constantPart", r.constantPart, 0, 1);
-    visit("refine.dropout", r.dropout, 0, .99);
-    visit("refine.loss", r.loss, 0, 0);
-    visit("refine.adversarial", r.adversarial, 0, kMany);
-    visit("refine.reconstruction", r.reconstruction, 0, kMany);
-    visit("refine.misaligned", r.misaligned, 0, kMany);
-    visit("refine.imageDiscriminator", r.imageDiscriminator, 0, 1);
-    visit("refine.faceDiscriminator", r.faceDiscriminator, 0, 1);
-    visit("refine.region", r.region, 0, 0);
-    visit("refine.masks", r.masks, 0, 0);
-    visit("refine.apart", r.apart, 0, 0);
-    visit("refine.residual", r.residual, 0, 0);
-    visit("refine.balanceHeadings", r.balanceHeadings, 0, 1);
+void visitNumbers(P&& preset, Visit visit) {
+    auto section = [&](const std::string& name, auto& numbers) {
+        std::remove_cvref_t<decltype(numbers)>::each(
+            numbers, [&](const NumberInfo& info, auto& member) {
+                visit(fmt::format("{}.{}", name, info.name), info, member);
+            });
+    };
+#define VISIT_SECTION(Type, name) section(#name, preset.name);
+    PRESET_SECTIONS(VISIT_SECTION)
+#undef VISIT_SECTION
 }
 
-// The words that a number that is a text may be.
-std::vector<std::string_view> choicesOf(std::string_view name) {
-    if (name == "mesh.clamps") return {"paper", "program", "none"};
-    if (name == "refine.loss") return {"log", "squares"};
-    if (name == "refine.masks") return {"region", "own"};
-    if (name == "refine.apart") return {"different", "rendered"};
-    if (name == "refine.residual") return {"clamped", "program"};
-    return {"union", "intersection"};  // of the regions
+template <typename T>
+std::string textOf(const NumberInfo& info, const T& value) {
+    if constexpr (std::is_enum_v<T>)
+        return info.words.at(static_cast<size_t>(value));
+    else
+        return fmt::format("{}", value);
 }
 
-std::string textOf(bool value) { return value ? "true" : "false"; }
-std::string textOf(int value) { return fmt::format("{}", value); }
-std::string textOf(double value) { return fmt::format("{}", value); }
-std::string textOf(const std::string& value) { return value; }
+// "1 to 256", "true or false", "union or intersection".
+template <typename T>
+std::string rangeOf(const NumberInfo& info, const T&) {
+    if constexpr (std::is_enum_v<T>) return fmt::format("{}", fmt::join(info.words, " or "));
+    if constexpr (std::is_same_v<T, bool>) return "true or false";
+    return fmt::format("{} to {}", info.lowest, info.highest);
+}
 
 // The whole text as a number, or nothing.
 template <typename T>
@@ -139,6 +68,13 @@ const std::vector<std::string>& presetNames() {
     return names;
 }
 
+const std::vector<std::string>& presetSections() {
+#define SECTION_NAME(Type, name) #name,
+    static const std::vector<std::string> sections{PRESET_SECTIONS(SECTION_NAME)};
+#undef SECTION_NAME
+    return sections;
+}
+
 Preset presetByName(std::string_view name) {
     Preset preset;  // the declarations' values are the paper's
     preset.name = name;
@@ -154,10 +90,10 @@ Preset presetByName(std::string_view name) {
     preset.mesh.normal = .05;
     preset.mesh.batch = 1;
     preset.texture.constantInput = true;
-    preset.texture.region = "intersection";
+    preset.texture.region = Region::Intersection;
     preset.texture.batch = 1;
     preset.refine.balanceHeadings = true;
-    preset.refine.region = "intersection";
+    preset.refine.region = Region::Intersection;
     preset.refine.batch = 1;
     preset.refine.lr = 2e-3;
     preset.refine.lrDiscriminator = 2e-4;
@@ -200,8 +136,8 @@ Preset presetByName(std::string_view name) {
 
 std::vector<std::pair<std::string, std::string>> presetValues(const Preset& preset) {
     std::vector<std::pair<std::string, std::string>> values;
-    visitFields(preset, [&](const char* name, const auto& field, double, double) {
-        values.emplace_back(name, textOf(field));
+    visitNumbers(preset, [&](const std::string& name, const NumberInfo& info, const auto& member) {
+        values.emplace_back(name, textOf(info, member));
     });
     return values;
 }
@@ -210,31 +146,27 @@ void setPresetValue(Preset& preset, std::string_view name, std::string_view valu
                     std::string_view where) {
     Preset changed = preset;
     bool known = false;
-    visitFields(changed, [&](const char* field, auto& target, double lowest, double highest) {
-        if (name != field) return;
+    visitNumbers(changed, [&](const std::string& number, const NumberInfo& info, auto& member) {
+        if (name != number) return;
         known = true;
-        using T = std::remove_reference_t<decltype(target)>;
-        if constexpr (std::is_same_v<T, std::string>) {
-            const std::vector<std::string_view> choices = choicesOf(name);
-            if (std::ranges::find(choices, value) == choices.end()) {
-                throwInput("{}: {}: expected {}, found \"{}\"", where, name,
-                           fmt::join(choices, " or "), value);
-            }
-            target = value;
+        using T = std::remove_reference_t<decltype(member)>;
+        auto expected = [&](std::string_view kind) {
+            throwInput("{}: {}: expected {}{}, found \"{}\"", where, name, kind,
+                       rangeOf(info, member), value);
+        };
+        if constexpr (std::is_enum_v<T>) {
+            auto word = std::ranges::find(info.words, value);
+            if (word == info.words.end()) expected("");
+            member = static_cast<T>(word - info.words.begin());
         } else if constexpr (std::is_same_v<T, bool>) {
-            if (value != "true" && value != "false") {
-                throwInput("{}: {}: expected true or false, found \"{}\"", where, name, value);
-            }
-            target = value == "true";
+            if (value != "true" && value != "false") expected("");
+            member = value == "true";
         } else {
-            const char* kind = std::is_integral_v<T> ? "a whole number" : "a number";
             T parsed{};
-            if (!parseNumber(value, parsed) || !(double(parsed) >= lowest) ||
-                !(double(parsed) <= highest)) {
-                throwInput("{}: {}: expected {} from {} to {}, found \"{}\"", where, name, kind,
-                           lowest, highest, value);
-            }
-            target = parsed;
+            if (!parseNumber(value, parsed) || !(double(parsed) >= info.lowest) ||
+                !(double(parsed) <= info.highest))
+                expected(std::is_integral_v<T> ? "a whole number from " : "a number from ");
+            member = parsed;
         }
     });
     if (!known) {
@@ -242,6 +174,26 @@ void setPresetValue(Preset& preset, std::string_view name, std::string_view valu
                    fmt::join(namesInSection(preset, name), ", "));
     }
     preset = std::move(changed);
+}
+
+std::string presetHelp() {
+    std::vector<std::vector<std::pair<std::string, std::string>>> values;
+    for (const std::string& name : presetNames())
+        values.push_back(presetValues(presetByName(name)));
+    std::string text = fmt::format("{:<28}", "number");
+    for (const std::string& name : presetNames()) text += fmt::format(" {:<13}", name);
+    text += fmt::format(" {:<24} meaning\n", "range");
+    size_t row = 0;
+    visitNumbers(presetByName("paper"), [&](const std::string& name, const NumberInfo& info,
+                                            const auto& member) {
+        text += fmt::format("{:<28}", name);
+        for (const auto& column : values) text += fmt::format(" {:<13}", column[row].second);
+        std::string range = info.highest >= kNoLimit ? fmt::format("{} or more", info.lowest)
+                                                     : rangeOf(info, member);
+        text += fmt::format(" {:<24} {}\n", range, info.help);
+        ++row;
+    });
+    return text;
 }
 
 void checkPreset(const Preset& preset, std::string_view where) {

@@ -162,7 +162,7 @@ void runAblate(const AblateOptions& options) {
     if (wanted("no-clamp")) {
         Avatar avatar = fitted.avatar;
         avatar.preset = options.preset;
-        avatar.preset.mesh.clamps = "none";
+        avatar.preset.mesh.clamps = ClampBounds::None;
         add("no-clamp",
             workshop.train("no-clamp", avatar, fitted.capture, {"mesh", "texture", "refine"}));
     }

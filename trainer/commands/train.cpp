@@ -84,7 +84,7 @@ void runTrain(const TrainOptions& options) {
     avatar.preset = options.preset;
     if (!options.gan) avatar.preset.refine.imageDiscriminator = false;
     if (!options.gan || !options.face) avatar.preset.refine.faceDiscriminator = false;
-    if (!options.clamp) avatar.preset.mesh.clamps = "none";
+    if (!options.clamp) avatar.preset.mesh.clamps = ClampBounds::None;
     if (!avatar.meshNet.empty() && !trains("mesh")) avatar.preset.mesh = before.mesh;
     if (!avatar.textureNet.empty() && !trains("texture")) avatar.preset.texture = before.texture;
     if (!avatar.refineNet.empty() && !trains("refine")) avatar.preset.refine = before.refine;

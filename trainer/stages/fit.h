@@ -2,7 +2,6 @@
 // silhouette (and keypoints where the capture has them).
 #pragma once
 
-#include <functional>
 #include <vector>
 
 #include "engine/device.h"

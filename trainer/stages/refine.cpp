@@ -27,8 +27,9 @@ std::vector<std::vector<float>> viewsToBake(const std::vector<std::vector<float>
 
 }  // namespace
 
-void trainRefine(Device& device, Avatar& avatar, const Capture& capture,
-                 const TrainSettings& settings) {
+void trainRefine(Device& device, TrainResult& result, const TrainSettings& settings) {
+    Avatar& avatar = result.avatar;
+    const Capture& capture = result.capture;
     if (avatar.textureNet.empty())
         throwInput(
             "stage refine: expected an avatar with a texture network; train stage texture "
@@ -62,43 +63,24 @@ void trainRefine(Device& device, Avatar& avatar, const Capture& capture,
     else
         coarse.net = &coarseNet.unet();
 
-    RefineConfig config = refineConfig(avatar.preset);
-    RefineNetworks nets(config, static_cast<uint32_t>(settings.seed));
+    RefineNetworks nets(preset, avatar.preset.texture.textureSize,
+                        static_cast<uint32_t>(settings.seed));
     nets.allocate(device);
-    RefineStep step(
-        device, avatar.body, config, nets, coarse,
-        {.memoryBudget = settings.memoryBudget, .timestamps = settings.profileSteps > 0});
-    if (settings.profileSteps > 0) printPlan("refine", step.graph, nets.generator.parameters());
+    RefineStep step(device, avatar.body, preset, nets, coarse, settings.compileOptions());
 
-    int64_t perEpoch = (static_cast<int64_t>(capture.size()) + preset.batch - 1) / preset.batch;
-    int64_t steps = preset.steps > 0 ? preset.steps : preset.epochs * perEpoch;
     std::vector<double> weights;
     if (preset.balanceHeadings) weights = headingWeights(capture);
     FrameSampler sampler(frames.count(), settings.seed + 41, weights);
-    std::vector<size_t> drawn(step.samples.size());
-
-    StageLoop loop{.stage = "refine", .steps = steps};
-    std::vector<Tensor> losses{step.generatorLoss, step.reconstruction, step.misaligned};
-    loop.columns = {"loss", "reconstruction", "misaligned"};
-    auto addLoss = [&](const char* name, const Tensor& loss) {
-        if (!loss) return;
-        loop.columns.push_back(name);
-        losses.push_back(loss);
-    };
-    addLoss("gan_image", step.ganImage);
-    addLoss("gan_face", step.ganFace);
-    addLoss("discriminator_image", step.discriminatorImage);
-    addLoss("discriminator_face", step.discriminatorFace);
-
+    StageLoop loop{.stage = "refine", .steps = stepsOf(preset, capture.size())};
+    loop.follow(step.graph, step.losses);
     loop.identity = stageIdentity(avatar, "refine");
     loop.trained = {{"net", &nets.generator.parameters()},
                     {"image_discriminator", &nets.image.parameters()},
                     {"face_discriminator", &nets.face.parameters()}};
     loop.statistics = {{"statistics", &nets.generator.statistics()}};
-    loop.draw = [&] {
-        for (size_t& frame : drawn) frame = sampler.next();
-    };
-    loop.submit = [&](int64_t i) {
+    loop.frameName = [&](size_t frame) { return capture.frames[frame].name; };
+    loop.draw = [&] { return sampler.next(preset.batch); };
+    loop.submit = [&](int64_t i, const std::vector<size_t>& drawn) {
         std::vector<float> centres;
         for (size_t k = 0; k < drawn.size(); ++k) {
             const RefineStep::Sample& sample = step.samples[k];
@@ -110,26 +92,14 @@ void trainRefine(Device& device, Avatar& avatar, const Capture& capture,
             centres.insert(centres.end(), faces[frame].begin(), faces[frame].end());
         }
         step.graph.write(step.faceCentres, centres);
-        step.graph.setStep(stepParams(i, settings.seed,
-                                      scheduledRate(preset.lr, preset.constantPart, i, steps),
-                                      config.generatorOptimiser));
+        step.graph.setStep(stepParams(preset, i, loop.steps, settings.seed));
         step.graph.submit();
-        frames.prepare(sampler.peek(drawn.size()));  // meanwhile
-    };
-    loop.report = [&](int64_t i, int back) {
-        StageLoop::Report report;
-        for (const Tensor& loss : losses)
-            report.logged.push_back(readLoss(step.graph, loss, "refine", i, back));
-        for (size_t c = 1; c < losses.size(); ++c)
-            if (c == 1 || loop.columns[c].starts_with("gan_"))
-                report.shown.emplace_back(loop.columns[c], report.logged[c]);
-        return report;
+        frames.prepare(sampler.peek(preset.batch));  // meanwhile
     };
     loop.picture = [&] {
         avatar.refineNet = weightsOf(nets.generator);
         writeState(device, avatar, capture, cache, settings.out);
     };
-    loop.profile = [&] { printProfile("refine", step.graph); };
     if (!loop.run(settings)) return;
     avatar.refineNet = weightsOf(nets.generator);
     bakeTexture(device, avatar, viewsToBake(verts));

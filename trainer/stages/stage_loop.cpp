@@ -1,6 +1,7 @@
 #include "trainer/stages/stage_loop.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <optional>
@@ -31,32 +32,8 @@ private:
     double last_;
 };
 
-}  // namespace
-
-StepParams stepParams(int64_t i, uint64_t seed, double rate, const AdamWOptions& options) {
-    StepParams params =
-        adamwStepParams(static_cast<uint32_t>(i + 1), static_cast<float>(rate), options);
-    params.seed = static_cast<uint32_t>(seed);
-    return params;
-}
-
-std::map<std::string, std::string> stageIdentity(const Avatar& avatar, const std::string& stage) {
-    std::map<std::string, std::string> identity;
-    identity["vertices"] = fmt::format("{}", avatar.body.vertexCount);
-    for (const auto& [name, value] : presetValues(avatar.preset))
-        if (name.starts_with(stage + ".")) identity[name] = value;
-    return identity;
-}
-
-double readLoss(Graph& graph, const Tensor& loss, const char* stage, int64_t step, int back) {
-    double value = static_cast<double>(graph.readScalar(loss, back));
-    if (!std::isfinite(value))
-        throwMachine("stage {}: a loss became {} at step {}; a lower learning rate may help", stage,
-                     value, step + 1);
-    return value;
-}
-
-void printPlan(const char* stage, const Graph& graph, const Parameters& parameters) {
+// Memory before the first step, on stdout.
+void printPlan(const std::string& stage, const Graph& graph, const Parameters& parameters) {
     auto mib = [](uint64_t bytes) { return static_cast<double>(bytes) / (1 << 20); };
     fmt::print(
         "stage {}: {} dispatches; parameters with gradients and moments {:.1f} MiB, "
@@ -65,7 +42,8 @@ void printPlan(const char* stage, const Graph& graph, const Parameters& paramete
         mib(graph.temporaryBytes()), mib(graph.unsharedBytes()));
 }
 
-void printProfile(const char* stage, Graph& graph) {
+// Time per op of the last step, on stdout.
+void printProfile(const std::string& stage, Graph& graph) {
     struct Sum {
         int count = 0;
         double mib = 0, gflop = 0, milliseconds = 0;
@@ -84,11 +62,43 @@ void printProfile(const char* stage, Graph& graph) {
         return a.second.milliseconds > b.second.milliseconds;
     });
     rows.emplace_back("all", all);
-    fmt::print("{:<36} {:>6} {:>10} {:>9} {:>10}\n", std::string("stage ") + stage, "ops", "MiB",
-               "GFLOP", "ms");
+    fmt::print("{:<36} {:>6} {:>10} {:>9} {:>10}\n", "stage " + stage, "ops", "MiB", "GFLOP", "ms");
     for (const auto& [name, sum] : rows)
         fmt::print("{:<36} {:>6} {:>10.1f} {:>9.2f} {:>10.2f}\n", name, sum.count, sum.mib,
                    sum.gflop, sum.milliseconds);
+}
+
+// Losses in the progress line, which has to fit in a terminal's.
+constexpr size_t kShownLosses = 5;
+
+}  // namespace
+
+std::map<std::string, std::string> stageIdentity(const Avatar& avatar, const std::string& stage) {
+    std::map<std::string, std::string> identity;
+    identity["vertices"] = fmt::format("{}", avatar.body.vertexCount);
+    for (const auto& [name, value] : presetValues(avatar.preset))
+        if (name.starts_with(stage + ".")) identity[name] = value;
+    return identity;
+}
+
+void StageLoop::follow(Graph& stepGraph, const Losses& losses) {
+    graph = &stepGraph;
+    columns = losses.names();
+    values = [&losses](int64_t, int back) { return losses.read(back); };
+}
+
+void StageLoop::checkFinite(int64_t step, const std::vector<double>& found,
+                            const std::vector<size_t>& drawn) const {
+    if (std::ranges::all_of(found, [](double value) { return std::isfinite(value); })) return;
+    // The sum, which comes first, is the last to blame.
+    size_t bad = 0;
+    for (size_t c = found.size(); c-- > 1;)
+        if (!std::isfinite(found[c])) bad = c;
+    std::string frames;
+    for (size_t frame : drawn)
+        if (frameName) frames += (frames.empty() ? " (frames: " : ", ") + frameName(frame);
+    throwMachine("stage {}: loss \"{}\" became {} at step {}{}; a lower learning rate may help",
+                 stage, columns[bad], found[bad], step + 1, frames.empty() ? "" : frames + ")");
 }
 
 bool StageLoop::run(const LoopSettings& settings) {
@@ -106,30 +116,39 @@ bool StageLoop::run(const LoopSettings& settings) {
                    steps, first);
     for (int64_t i = 0; i < first; ++i) draw();
 
+    CHECK(!profiles || graph != nullptr, "a stage that profiles follows a graph");
+    if (profiles) printPlan(stage, *graph, *trained.at(0).second);
     Progress progress(stage, profiles ? settings.profileSteps : steps);
     if (first > 0)
         progress.note(fmt::format("{}: going on after step {} of {}", stage, first, steps));
     std::optional<LossLog> log;
     if (settings.keeps()) log.emplace(settings.out / "log", stage, columns, first);
     PictureClock pictures(settings.keeps() ? settings.pictureSeconds : 0);
+    std::array<std::vector<size_t>, 2> drawn;  // by the even and the odd steps under way
     // Reported: all steps before this one. One more at most is under way.
     int64_t reported = first;
     auto reportUntil = [&](int64_t end, int64_t submitted) {
         for (; reported < end; ++reported) {
-            Report given = report(reported, static_cast<int>(submitted - 1 - reported));
-            progress.update(reported + 1, given.shown);
-            if (log) log->add(reported, given.logged);
+            std::vector<double> given =
+                values(reported, static_cast<int>(submitted - 1 - reported));
+            checkFinite(reported, given, drawn[static_cast<size_t>(reported % 2)]);
+            Progress::Values shown;
+            for (size_t c = 0; c < std::min(kShownLosses, given.size()); ++c)
+                shown.emplace_back(columns[c], given[c]);
+            progress.update(reported + 1, shown);
+            if (log) log->add(reported, given);
             if (settings.afterStep) settings.afterStep(stage, reported + 1);
         }
     };
     for (int64_t i = first; i < steps; ++i) {
-        draw();
-        submit(i);
+        std::vector<size_t>& frames = drawn[static_cast<size_t>(i % 2)];
+        frames = draw();
+        submit(i, frames);
         reportUntil(i, i + 1);  // the step before, while the device works on this one
         if (profiles) {
             if (i + 1 < settings.profileSteps) continue;
             reportUntil(i + 1, i + 1);
-            profile();
+            printProfile(stage, *graph);
             return false;
         }
         // What is kept or shown is the state after step i, whose losses must be finite.

@@ -8,9 +8,11 @@
 #include <string>
 #include <vector>
 
-#include "nn/ops/optim.h"
+#include "nn/steps/adamw_numbers.h"
+#include "nn/steps/losses.h"
 #include "trainer/avatar/avatar.h"
 #include "trainer/data/progress.h"
+#include "trainer/stages/training_frames.h"
 
 namespace doppel {
 
@@ -32,58 +34,67 @@ struct LoopSettings {
 // (trained), running statistics (statistics), and what `draw` changes. A step must depend on
 // nothing else but its number: random numbers come from it and the seed (StepParams).
 //
-//     StageLoop loop{.stage = "mesh", .steps = steps, .columns = {"loss", "iou_loss"}};
+//     StageLoop loop{.stage = "mesh", .steps = steps};
+//     loop.follow(step.graph, step.losses);
 //     loop.trained = {{"net", &net}};
-//     loop.draw = [&] { drawn = ...sampler.next()...; };
-//     loop.submit = [&](int64_t i) { graph.write(...); graph.setStep(...); graph.submit(); };
-//     loop.report = [&](int64_t i, int back) {
-//         double loss = readLoss(graph, lossTensor, "mesh", i, back);
-//         return StageLoop::Report{{{"loss", loss}}, {loss, iou}};
+//     loop.draw = [&] { return sampler.next(batch); };
+//     loop.submit = [&](int64_t i, const std::vector<size_t>& drawn) {
+//         graph.write(...); graph.setStep(...); graph.submit();
 //     };
 //     if (!loop.run(settings)) return;   // profiled
 //     avatar.meshNet = readWeights(net);
 struct StageLoop {
-    struct Report {
-        Progress::Values shown;      // in the progress line
-        std::vector<double> logged;  // one per column
-    };
-
     std::string stage;
     int64_t steps = 0;
-    std::vector<std::string> columns;                  // of log/losses_STAGE.csv
     std::map<std::string, std::string> identity = {};  // what must agree for a run to go on
     std::vector<std::pair<std::string, Parameters*>> trained = {}, statistics = {};
-    // Takes from samplers what the next step uses. A resumed run calls it for the steps that were
-    // done before, so that samplers stand where they stood.
-    std::function<void()> draw = {};
+    // The frames of the next step. A resumed run calls it for the steps that were done before, so
+    // that samplers stand where they stood.
+    std::function<std::vector<size_t>()> draw = {};
+    std::function<std::string(size_t frame)> frameName = {};  // for errors; may be empty
     // Starts a step; steps count from 0.
-    std::function<void(int64_t step)> submit = {};
-    // Waits for a step that was started and says what it gave. While it is asked about a step, the
-    // next one may have been started already (back = 1), so that the device never waits for us;
-    // before anything is kept the newest one is asked about (back = 0). Throws MachineError where a
-    // loss is not finite.
-    std::function<Report(int64_t step, int back)> report = {};
+    std::function<void(int64_t step, const std::vector<size_t>& drawn)> submit = {};
+    // The columns of log/losses_STAGE.csv, the first of which are in the progress line, and what a
+    // step that was started gave for each; waits for it. While it is asked about a step, the next
+    // one may have been started already (back = 1), so that the device never waits for us; before
+    // anything is kept the newest one is asked about (back = 0).
+    std::vector<std::string> columns = {};
+    std::function<std::vector<double>(int64_t step, int back)> values = {};
     std::function<void()> picture = {};  // draws the present state; may be empty
-    std::function<void()> profile = {};  // prints the time per op of the last step
+    Graph* graph = nullptr;              // whose plan and times are printed where a run profiles
+
+    // Columns and values of a step's losses, and its graph.
+    void follow(Graph& stepGraph, const Losses& losses);
 
     // True once all steps are done; false after profiling. The checkpoint of a finished stage stays
     // until the caller has written the stage's result (removeTrainingState, or Checkpoint::remove).
-    // Throws Interrupted with the checkpoint on disk.
+    // Throws Interrupted with the checkpoint on disk; MachineError naming stage, loss term, step
+    // and frames where a loss is not finite, of which nothing is kept.
     bool run(const LoopSettings& settings);
+
+private:
+    void checkFinite(int64_t step, const std::vector<double>& found,
+                     const std::vector<size_t>& drawn) const;
 };
 
-// Of step i, counting from 0.
-StepParams stepParams(int64_t i, uint64_t seed, double rate, const AdamWOptions& options);
+// Steps of a stage that goes by epochs over so many frames, unless its preset says how many.
+template <typename Preset>
+int64_t stepsOf(const Preset& preset, size_t frames) {
+    int64_t perEpoch = (static_cast<int64_t>(frames) + preset.batch - 1) / preset.batch;
+    return preset.steps > 0 ? preset.steps : preset.epochs * perEpoch;
+}
+
+// Of step i of `steps`, counting from 0, at the rate that the preset schedules for it.
+template <typename Preset>
+StepParams stepParams(const Preset& preset, int64_t i, int64_t steps, uint64_t seed) {
+    double rate = scheduledRate(preset.lr, preset.constantPart, i, steps);
+    StepParams params = adamwStepParams(static_cast<uint32_t>(i + 1), static_cast<float>(rate),
+                                        adamwOptions(preset));
+    params.seed = static_cast<uint32_t>(seed);
+    return params;
+}
 
 // Sizes and numbers of a stage, for checkpoints of it: the body's, and the preset's.
 std::map<std::string, std::string> stageIdentity(const Avatar& avatar, const std::string& stage);
-
-// An output of one number, of the newest replay or of the one before (back = 1). MachineError
-// naming stage and step where it is not finite.
-double readLoss(Graph& graph, const Tensor& loss, const char* stage, int64_t step, int back = 0);
-
-// Memory before the first step, and time per op, on stdout.
-void printPlan(const char* stage, const Graph& graph, const Parameters& parameters);
-void printProfile(const char* stage, Graph& graph);
 
 }  // namespace doppel

@@ -1,8 +1,7 @@
 // Stage 2: the coarse texture network G_TN, trained against the frames through the hard textured
 // rasterizer, the mesh network frozen (see nn/steps/texture_step.h).
-#include <cmath>
-
 #include "nn/steps/texture_step.h"
+
 #include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/avatar/networks.h"
@@ -13,22 +12,9 @@
 
 namespace doppel {
 
-namespace {
-
-TextureStepConfig stepConfig(const TexturePreset& preset) {
-    return {.size = preset.size,
-            .batch = preset.batch,
-            .weight = static_cast<float>(preset.weight),
-            .dropout = preset.dropout > 0,
-            .unionRegion = preset.region == "union",
-            .constantInput = preset.constantInput,
-            .optimiser = adamwOptions(preset.beta1, preset.beta2, preset.weightDecay)};
-}
-
-}  // namespace
-
-void trainTexture(Device& device, Avatar& avatar, const Capture& capture,
-                  const TrainSettings& settings) {
+void trainTexture(Device& device, TrainResult& result, const TrainSettings& settings) {
+    Avatar& avatar = result.avatar;
+    const Capture& capture = result.capture;
     const TexturePreset& preset = avatar.preset.texture;
     FrameCache cache(capture);
     TrainingFrames frames(device, avatar.body, capture, cache, preset.size, true, 1,
@@ -43,24 +29,19 @@ void trainTexture(Device& device, Avatar& avatar, const Capture& capture,
     }
 
     TextureNet net(device, preset, settings.seed);
-    TextureStep step(
-        device, avatar.body, net.unet(), stepConfig(preset),
-        {.memoryBudget = settings.memoryBudget, .timestamps = settings.profileSteps > 0});
-    if (settings.profileSteps > 0) printPlan("texture", step.graph, net.parameters());
+    TextureStep step(device, avatar.body, net.unet(), preset, settings.compileOptions());
 
     std::vector<double> weights;
     if (avatar.preset.mesh.balanceHeadings) weights = headingWeights(capture);
     FrameSampler sampler(frames.count(), settings.seed + 29, weights);
-    int64_t steps = preset.steps;
-    std::vector<size_t> drawn(step.samples.size());
-    StageLoop loop{.stage = "texture", .steps = steps, .columns = {"loss"}};
+    StageLoop loop{.stage = "texture", .steps = preset.steps};
+    loop.follow(step.graph, step.losses);
     loop.identity = stageIdentity(avatar, "texture");
     loop.trained = {{"net", &net.parameters()}};
     loop.statistics = {{"statistics", &net.state()}};
-    loop.draw = [&] {
-        for (size_t& frame : drawn) frame = sampler.next();
-    };
-    loop.submit = [&](int64_t i) {
+    loop.frameName = [&](size_t frame) { return capture.frames[frame].name; };
+    loop.draw = [&] { return sampler.next(preset.batch); };
+    loop.submit = [&](int64_t i, const std::vector<size_t>& drawn) {
         for (size_t k = 0; k < drawn.size(); ++k) {
             const TextureStep::Sample& sample = step.samples[k];
             size_t frame = drawn[k];
@@ -69,15 +50,9 @@ void trainTexture(Device& device, Avatar& avatar, const Capture& capture,
             step.graph.write(sample.mask, frames.mask(frame));
             step.graph.write(sample.camera, cameraValues(rasterCamera(frames.camera(frame))));
         }
-        step.graph.setStep(
-            stepParams(i, settings.seed, scheduledRate(preset.lr, preset.constantPart, i, steps),
-                       adamwOptions(preset.beta1, preset.beta2, preset.weightDecay)));
+        step.graph.setStep(stepParams(preset, i, loop.steps, settings.seed));
         step.graph.submit();
-        frames.prepare(sampler.peek(drawn.size()));  // meanwhile
-    };
-    loop.report = [&](int64_t i, int back) {
-        double loss = readLoss(step.graph, step.loss, "texture", i, back);
-        return StageLoop::Report{{{"loss", loss}}, {loss}};
+        frames.prepare(sampler.peek(preset.batch));  // meanwhile
     };
     auto paint = [&] {
         avatar.textureNet = net.weights();
@@ -87,7 +62,6 @@ void trainTexture(Device& device, Avatar& avatar, const Capture& capture,
         paint();
         writeState(device, avatar, capture, cache, settings.out);
     };
-    loop.profile = [&] { printProfile("texture", step.graph); };
     if (loop.run(settings)) paint();
 }
 

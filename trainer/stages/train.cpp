@@ -219,42 +219,25 @@ private:
 
 // The stages one after the other.
 void trainStages(Device& device, TrainResult& result, const TrainSettings& settings, Run& run) {
-    if (run.wants("fit") && !run.isDone("fit")) {
-        FitSettings fit{.preset = result.avatar.preset.fit, .loop = settings};
-        if (!settings.keeps()) fit.loop.out.clear();
-        fit.loop.profileSteps = 0;  // the stages after it need its result
-        result.fit = fitCapture(device, result.avatar.body, result.capture, fit);
-        result.avatar.betas = result.capture.betas;
-        run.writePoses(result.capture);
-        run.finish("fit", result.avatar);
-    } else if (run.wants("fit")) {
-        run.readPoses(result.capture);
+    for (const Stage& stage : allStages()) {
+        if (!run.wants(stage.name)) continue;
+        if (run.isDone(stage.name)) {
+            if (stage.movesPoses) run.readPoses(result.capture);
+            continue;
+        }
+        // The former results of this stage and of all after it play no part any more, whatever
+        // becomes of the run.
+        for (const Stage* later = &stage; later != &allStages().back() + 1; ++later)
+            if (run.wants(later->name)) {
+                later->clear(result.avatar);
+                result.avatar.trained.erase(later->name);
+            }
+        if (!stage.movesPoses) result.capture.betas = result.avatar.betas;
+        stage.train(device, result, settings);
+        if (stage.movesPoses) run.writePoses(result.capture);
+        run.finish(stage.name, result.avatar);
     }
     result.capture.betas = result.avatar.betas;
-
-    // A stage's former result plays no part any more, whatever becomes of the run.
-    for (const std::string& stage : settings.stages)
-        if (!run.isDone(stage.c_str())) result.avatar.trained.erase(stage);
-    if (run.wants("mesh") && !run.isDone("mesh")) result.avatar.meshNet.clear();
-    if (run.wants("texture") && !run.isDone("texture")) {
-        result.avatar.textureNet.clear();
-        result.avatar.texture.clear();
-    }
-    if ((run.wants("texture") && !run.isDone("texture")) ||
-        (run.wants("refine") && !run.isDone("refine")))
-        result.avatar.clearRefinement();
-    if (run.wants("mesh") && !run.isDone("mesh")) {
-        trainMesh(device, result.avatar, result.capture, settings);
-        run.finish("mesh", result.avatar);
-    }
-    if (run.wants("texture") && !run.isDone("texture")) {
-        trainTexture(device, result.avatar, result.capture, settings);
-        run.finish("texture", result.avatar);
-    }
-    if (run.wants("refine") && !run.isDone("refine")) {
-        trainRefine(device, result.avatar, result.capture, settings);
-        run.finish("refine", result.avatar);
-    }
     if (settings.keeps()) {
         if (!result.avatar.texture.empty())
             writePreview(device, result.avatar, settings.out / "preview.png");
@@ -263,6 +246,21 @@ void trainStages(Device& device, TrainResult& result, const TrainSettings& setti
 }
 
 }  // namespace
+
+const std::vector<Stage>& allStages() {
+    static const std::vector<Stage> stages{
+        {"fit", trainFit, [](Avatar&) {}, true},
+        {"mesh", trainMesh, [](Avatar& avatar) { avatar.meshNet.clear(); }},
+        {"texture", trainTexture,
+         [](Avatar& avatar) {
+             avatar.textureNet.clear();
+             avatar.texture.clear();
+             avatar.clearRefinement();
+         }},
+        {"refine", trainRefine, [](Avatar& avatar) { avatar.clearRefinement(); }},
+    };
+    return stages;
+}
 
 bool isTrained(const Avatar& there, const Avatar& asked, const Capture& capture,
                Precision precision, const TrainSettings& settings) {

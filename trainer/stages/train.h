@@ -19,6 +19,10 @@ struct TrainSettings : LoopSettings {
     std::function<void()> opened;
     std::vector<std::string> stages{"fit", "mesh", "texture"};  // in this order
     uint64_t memoryBudget = 0;
+
+    CompileOptions compileOptions() const {
+        return {.memoryBudget = memoryBudget, .timestamps = profileSteps > 0};
+    }
 };
 
 struct TrainResult {
@@ -40,17 +44,27 @@ bool isTrained(const Avatar& there, const Avatar& asked, const Capture& capture,
 TrainResult trainAvatar(Device& device, Avatar avatar, Capture capture,
                         const TrainSettings& settings);
 
+// Stage "fit": the capture's poses and shape; see fitCapture().
+void trainFit(Device& device, TrainResult& result, const TrainSettings& settings);
+
 // Stage 1: the mesh refinement network G_m against the masks; fills avatar.meshNet.
-void trainMesh(Device& device, Avatar& avatar, const Capture& capture,
-               const TrainSettings& settings);
+void trainMesh(Device& device, TrainResult& result, const TrainSettings& settings);
 
 // Stage 2: the coarse texture network G_TN against the frames; fills avatar.textureNet and texture.
-void trainTexture(Device& device, Avatar& avatar, const Capture& capture,
-                  const TrainSettings& settings);
+void trainTexture(Device& device, TrainResult& result, const TrainSettings& settings);
 
 // Stage 3: the texture refinement network G_RN; fills avatar.refineNet and bakedTexture. InputError
 // where the avatar has no texture network.
-void trainRefine(Device& device, Avatar& avatar, const Capture& capture,
-                 const TrainSettings& settings);
+void trainRefine(Device& device, TrainResult& result, const TrainSettings& settings);
+
+// A stage, as a run takes them one after the other.
+struct Stage {
+    const char* name;
+    void (*train)(Device&, TrainResult&, const TrainSettings&);
+    // Takes what an earlier training of the stage made, and what stands on it, off the avatar.
+    void (*clear)(Avatar&);
+    bool movesPoses = false;  // it changes the capture's poses, which the stages after it need
+};
+const std::vector<Stage>& allStages();  // in their order
 
 }  // namespace doppel

@@ -129,12 +129,13 @@ size_t FrameSampler::next() {
     return order_[position_++];
 }
 
-std::vector<size_t> FrameSampler::peek(size_t count) const {
-    FrameSampler ahead = *this;
+std::vector<size_t> FrameSampler::next(int count) {
     std::vector<size_t> frames;
-    for (size_t i = 0; i < count; ++i) frames.push_back(ahead.next());
+    for (int i = 0; i < count; ++i) frames.push_back(next());
     return frames;
 }
+
+std::vector<size_t> FrameSampler::peek(int count) const { return FrameSampler(*this).next(count); }
 
 std::vector<double> headingWeights(const Capture& capture) {
     std::vector<size_t> bins;

@@ -53,8 +53,9 @@ class FrameSampler {
 public:
     FrameSampler(size_t count, uint64_t seed, std::vector<double> weights = {});
     size_t next();
-    // What the next so many calls will give.
-    std::vector<size_t> peek(size_t count) const;
+    std::vector<size_t> next(int count);
+    // What the next so many will be.
+    std::vector<size_t> peek(int count) const;
 
 private:
     uint64_t random();

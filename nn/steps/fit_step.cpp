@@ -1,0 +1,108 @@
+#include "nn/steps/fit_step.h"
+
+#include <algorithm>
+#include <cstddef>
+
+#include "nn/ops/body.h"
+#include "nn/ops/fit.h"
+#include "nn/ops/loss.h"
+
+namespace doppel {
+
+namespace {
+
+// Metres of translation per unit of correction: one learning rate serves radians and metres.
+constexpr float kTransScale = 0.4f;
+// The keypoint loss's scale, as part of the crop's side: joints farther off pull less.
+constexpr float kKeypointScale = 0.04f;
+
+// What it costs a joint to leave its given rotation, relative to the others. Silhouettes say little
+// of hands, feet, head and the twist of the spine.
+std::vector<float> jointWeights() {
+    std::vector<float> weights(kJointCount, 1);
+    for (size_t spine : {joint::kSpine1, joint::kSpine2, joint::kSpine3, joint::kNeck,
+                         joint::kLeftCollar, joint::kRightCollar})
+        weights[spine] = 2;
+    for (size_t end : {joint::kHead, joint::kLeftWrist, joint::kRightWrist}) weights[end] = 4;
+    for (size_t end : {joint::kLeftFoot, joint::kRightFoot, joint::kLeftHand, joint::kRightHand})
+        weights[end] = 20;
+    return weights;
+}
+
+}  // namespace
+
+FitStep::FitStep(Device& device, const BodyModel& body, FitStart start, const FitPreset& preset,
+                 const CompileOptions& options)
+    : graph(device), start_(std::move(start)) {
+    auto frames = static_cast<int64_t>(start_.poses.size()) / kPoseRow;
+    corrections.add("correction", {frames, kPoseRow}, std::vector<float>(start_.poses.size()));
+    corrections.allocate(device);
+    shape.add("beta", {10}, {start_.betas.begin(), start_.betas.end()});
+    shape.allocate(device);
+
+    int64_t size = preset.size;
+    camera = graph.input(kCameraShape);
+    target = graph.input({size, size});
+    constexpr uint32_t kFrameWord = offsetof(StepParams, frame) / 4;
+    Tensor table = graph.attach(corrections.section(Parameters::kValues), {frames, kPoseRow});
+    Tensor given = graph.constant(std::span<const float>(start_.poses), {frames, kPoseRow});
+    Tensor correction = selectRow(graph, table, graph.step(), kFrameWord);
+    Tensor before = selectRow(graph, table, graph.step(), kFrameWord, -1);
+    Tensor after = selectRow(graph, table, graph.step(), kFrameWord, 1);
+    graph.watch(correction);
+    Tensor beta = start_.fitShape ? graph.parameter(shape, "beta")
+                                  : graph.constant(std::span<const float>(start_.betas), {10});
+
+    Pose pose = poseCorrection(graph, selectRow(graph, given, graph.step(), kFrameWord), correction,
+                               kTransScale);
+    Tensor rest =
+        graph.constant(std::span<const float>(body.templateVertices), {body.vertexCount, 3});
+    PosedBody posed = lbs(graph, lbsModel(graph, body), rest, pose.theta, beta, pose.trans);
+    RasterMesh mesh = rasterMesh(graph, body.faces, body.vertexCount);
+    Tensor silhouette = softSilhouette(graph, mesh, posed.verts, camera, size, size);
+    losses.term("iou_loss", 1, silhouetteIouLoss(graph, silhouette, target));
+
+    PosePriorWeights weights;
+    weights.pose = static_cast<float>(preset.priorTheta);
+    weights.trans = static_cast<float>(preset.priorTheta);
+    weights.smooth = start_.video ? static_cast<float>(preset.smoothTheta) : 0.0f;
+    weights.shape = static_cast<float>(preset.priorBeta);
+    Tensor joints = graph.constant(std::span<const float>(jointWeights()), {kJointCount});
+    losses.term("prior", 1, posePrior(graph, correction, before, after, joints, beta, weights));
+    if (start_.keypoints) {
+        keypoints = graph.input({kJointCount, 3});
+        losses.term("keypoints", preset.keypoints,
+                    keypointLoss(graph, posed.joints, keypoints, camera,
+                                 static_cast<float>(preset.size) * kKeypointScale));
+    }
+    graph.backward(losses.sum());
+
+    AdamWOptions optimiser = kFitOptimiser;
+    auto moments = [&](Parameters::Section section) {
+        return graph.attach(corrections.section(section), {frames, kPoseRow});
+    };
+    graph.beginOp("adamw_row");
+    adamwRow(graph, table, graph.gradient(correction), moments(Parameters::kMoment1),
+             moments(Parameters::kMoment2), optimiser);
+    if (start_.fitShape) {
+        optimiser.rateScale = static_cast<float>(preset.lrBeta / preset.lrTheta);
+        adamwStep(graph, shape, optimiser);
+    }
+    graph.compile(options);
+}
+
+std::vector<float> FitStep::poses() const {
+    std::vector<float> poses = start_.poses;
+    std::vector<float> rows = corrections.read(*corrections.find("correction"));
+    for (size_t i = 0; i < poses.size(); ++i)
+        poses[i] += i % kPoseRow < kThetaSize ? rows[i] : kTransScale * rows[i];
+    return poses;
+}
+
+std::array<float, 10> FitStep::betas() const {
+    std::array<float, 10> betas = start_.betas;
+    if (start_.fitShape) std::ranges::copy(shape.read(*shape.find("beta")), betas.begin());
+    return betas;
+}
+
+}  // namespace doppel

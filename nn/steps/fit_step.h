@@ -1,0 +1,66 @@
+// The training step of stage fit: shape, poses and positions of a body, refined by gradient descent
+// through LBS and the soft silhouette, and through keypoints where a frame has them.
+//
+//     L = L_s + w_k L_keypoints + the prior of nn/ops/fit.h
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "nn/body/body.h"
+#include "nn/core/numbers.h"
+#include "nn/ops/optim.h"
+#include "nn/ops/raster.h"
+#include "nn/steps/losses.h"
+
+namespace doppel {
+
+// Stage fit, before the method's own.
+#define FIT_NUMBERS(NUMBER, FLAG, CHOICE)                                                      \
+    NUMBER(int, size, 256, 16, 4096, "side of the crops, pixels")                              \
+    NUMBER(int, passes, 100, 0, kNoLimit, "times that all frames are taken; a step takes one") \
+    NUMBER(double, sigmaStart, 1e-4, 1e-9, 1, "softness of the rim at first, squared NDC")     \
+    NUMBER(double, sigma, 1e-5, 1e-9, 1, "softness of the rim at last, squared NDC")           \
+    NUMBER(double, lrTheta, 1e-2, 0, 10, "rad per step and joint; translations follow")        \
+    NUMBER(double, lrBeta, 6e-2, 0, 10, "standard deviations per step")                        \
+    NUMBER(double, constantPart, .5, 0, 1, "part of the steps at full rate; then linear to 0") \
+    NUMBER(double, priorTheta, .002, 0, kNoLimit, "weight of staying near the given poses")    \
+    NUMBER(double, smoothTheta, .02, 0, kNoLimit, "weight of slow corrections, in videos")     \
+    NUMBER(double, priorBeta, 1e-5, 0, kNoLimit, "weight of a likely shape")                   \
+    NUMBER(double, keypoints, .1, 0, kNoLimit, "weight w_k of the keypoints' loss")
+struct FitPreset {
+    NUMBERS(FIT_NUMBERS)
+};
+
+// What is fitted: the frames' poses and the shape that they share.
+struct FitStart {
+    std::vector<float> poses;       // [frames, kPoseRow] as given
+    std::array<float, 10> betas{};  // as given
+    bool fitShape = true;           // false: betas stay as they are
+    bool video = false;             // neighbouring frames tell about each other
+    bool keypoints = false;         // there is a target for joints
+};
+
+// A frame comes by once in a pass: short memories, and nothing that pulls poses to zero.
+inline constexpr AdamWOptions kFitOptimiser{.beta1 = 0.5f, .beta2 = 0.95f, .weightDecay = 0};
+
+// One step on the frame of StepParams.frame: forward, backward and update in one graph.
+struct FitStep {
+    Parameters corrections, shape;  // outlive what the graph has under way
+    Graph graph;
+    Losses losses{graph};  // iou_loss (L_s), prior, keypoints
+    Tensor camera, target,
+        keypoints;  // inputs: kCameraShape, [S,S], [24,3] as keypointLoss() has it
+
+    FitStep(Device& device, const BodyModel& body, FitStart start, const FitPreset& preset,
+            const CompileOptions& options = {});
+
+    // As fitted so far.
+    std::vector<float> poses() const;  // [frames, kPoseRow]
+    std::array<float, 10> betas() const;
+
+private:
+    FitStart start_;
+};
+
+}  // namespace doppel
