@@ -4,6 +4,8 @@
 #include <array>
 #include <cstring>
 
+#include "engine/kernel_log.h"
+
 namespace doppel {
 
 namespace {
@@ -175,6 +177,7 @@ void Recorder::bind(const Kernel& kernel, std::span<const BoundBuffer> buffers,
           "{} is given only the {} buffers that it uses, not {}", kernel.name(),
           reflection.buffers.size(), buffers.size());
     barrierFor(accesses);
+    noteKernel(kernel.name(), device_.binding() == Binding::Descriptors);
 
     vkCmdBindPipeline(commands_, VK_PIPELINE_BIND_POINT_COMPUTE, kernel.pipeline());
     std::array<std::byte, kPushConstantBytes> push{};

@@ -3,13 +3,21 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <fstream>
 #include <map>
 #include <memory>
+#include <numeric>
 #include <random>
+#include <set>
+
+#include "engine/kernel_log.h"
 
 namespace doppel {
 
 namespace {
+
+// Names of the ops that went through checkOp().
+std::set<std::string> checkedOps;
 
 Npz toArrays(const OpCase& testCase) {
     Npz arrays;
@@ -47,6 +55,12 @@ class ValidationIsSilent : public testing::EmptyTestEventListener {
 
 }  // namespace
 
+std::vector<int64_t> edgeSizes(int64_t tile) {
+    std::set<int64_t> sizes{1, tile, tile + 1, 3 * tile + tile / 2 + 1};
+    if (tile > 1) sizes.insert(tile - 1);
+    return {sizes.begin(), sizes.end()};
+}
+
 Value random(Shape shape, uint32_t seed) {
     std::mt19937 generator(seed);
     std::normal_distribution<double> normal;
@@ -81,6 +95,7 @@ void checkOp(const std::string& opName, const OpCase& original) {
     SCOPED_TRACE("op " + opName);
     const Op* op = Op::find(opName);
     ASSERT_NE(op, nullptr);
+    checkedOps.insert(opName);
     OpCase testCase = original;
     roundToFloat(testCase.inputs);
     CompileOptions options;
@@ -127,23 +142,50 @@ void checkOp(const std::string& opName, const OpCase& original) {
         ASSERT_EQ(gradient.size(), testCase.inputs.at(input.name).data.size());
         for (double g : gradient) ASSERT_TRUE(std::isfinite(g)) << "gradient of " << input.name;
 
-        std::vector<size_t> elements(gradient.size());
-        std::iota(elements.begin(), elements.end(), size_t{0});
-        std::shuffle(elements.begin(), elements.end(), std::mt19937(7));
-        std::vector<double> computed, differences;
-        Values values = toValues(testCase);
-        for (size_t element : elements) {
-            if (static_cast<int>(computed.size()) == testCase.samples) break;
-            if (testCase.skip && testCase.skip(input.name, static_cast<int64_t>(element))) continue;
-            double& x = values.at(input.name).data[element];
-            double keep = x, h = testCase.differenceStep;
-            x = keep + h;
+        auto skipped = [&](size_t element) {
+            return testCase.skip && testCase.skip(input.name, static_cast<int64_t>(element));
+        };
+        // Of <outputs, upstream> along a direction of this input.
+        auto differenceAlong = [&](const std::vector<std::pair<size_t, double>>& direction) {
+            Values values = toValues(testCase);
+            std::vector<double>& x = values.at(input.name).data;
+            const std::vector<double>& at = testCase.inputs.at(input.name).data;
+            double h = testCase.differenceStep;
+            for (auto [element, d] : direction) x[element] = at[element] + h * d;
             double above = projection(values);
-            x = keep - h;
-            double below = projection(values);
-            x = keep;
+            for (auto [element, d] : direction) x[element] = at[element] - h * d;
+            return (above - projection(values)) / (2 * h);
+        };
+
+        // All elements at once.
+        std::mt19937 generator(++seed);
+        std::uniform_real_distribution<double> magnitude(0.5, 1);
+        std::vector<std::pair<size_t, double>> direction;
+        double along = 0, norm = 0;
+        for (size_t i = 0; i < gradient.size(); ++i) {
+            double d = generator() % 2 ? magnitude(generator) : -magnitude(generator);
+            if (skipped(i)) continue;
+            direction.emplace_back(i, d);
+            along += gradient[i] * d;
+            norm += gradient[i] * gradient[i];
+        }
+        EXPECT_LE(std::abs(along - differenceAlong(direction)) /
+                      std::max(std::sqrt(norm), testCase.floor),
+                  testCase.directionTolerance)
+            << "gradient of " << input.name << " along a random direction";
+
+        // The first and the last element, and random ones.
+        std::vector<size_t> elements;
+        for (auto [element, d] : direction) elements.push_back(element);
+        std::shuffle(elements.begin(), elements.end(), std::mt19937(7));
+        for (size_t edge : {gradient.size(), size_t{1}})
+            if (auto found = std::ranges::find(elements, edge - 1); found != elements.end())
+                std::rotate(elements.begin(), found, found + 1);
+        elements.resize(std::min(elements.size(), static_cast<size_t>(testCase.samples)));
+        std::vector<double> computed, differences;
+        for (size_t element : elements) {
             computed.push_back(gradient[element]);
-            differences.push_back((above - below) / (2 * h));
+            differences.push_back(differenceAlong({{element, 1.0}}));
         }
         EXPECT_LE(relativeError(computed, differences, testCase.floor), testCase.gradientTolerance)
             << "gradient of " << input.name;
@@ -171,12 +213,23 @@ Device& testDevice(Precision precision) {
 
 }  // namespace doppel
 
+// DOPPEL_KERNEL_LOG names a file for what all tests of a program covered, which test_kernels reads:
+// kernels by flavour and ops, one a line. A part of the tests, or one that failed, leaves no file.
+static void writeCoverage(const std::string& path) {
+    std::ofstream file(path);
+    for (const std::string& kernel : doppel::notedKernels()) file << "kernel " << kernel << "\n";
+    for (const std::string& op : doppel::checkedOps) file << "op " << op << "\n";
+}
+
 int main(int argc, char** argv) {
     testing::InitGoogleTest(&argc, argv);
+    const char* coverage = std::getenv("DOPPEL_KERNEL_LOG");
+    if (coverage) std::remove(coverage);
     setenv("DOPPEL_VALIDATION", "1", 0);
     setenv("DOPPEL_MATRIX_UNITS", "emulated", 0);
     testing::UnitTest::GetInstance()->listeners().Append(new doppel::ValidationIsSilent);
     int failed = RUN_ALL_TESTS();
     doppel::devices.clear();
+    if (coverage && failed == 0 && testing::GTEST_FLAG(filter) == "*") writeCoverage(coverage);
     return failed;
 }

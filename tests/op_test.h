@@ -1,5 +1,6 @@
 // How an op is tested: against a plain double-precision function, and its backward against finite
-// differences of a random projection of that function.
+// differences of a random projection of that function. A difference along a random direction
+// covers all elements of an input with two evaluations; a few elements are checked on their own.
 //
 //     checkOp("leaky_relu", {.inputs = {{"x", random({13})}}, .attributes = {{"slope", 0.2}},
 //                            .reference = [](const Values& v) -> Values { ... }});
@@ -32,10 +33,14 @@ struct OpCase {
     // ‖got - expected‖ / max(‖expected‖, floor), per array.
     double forwardTolerance = 2e-5, gradientTolerance = 1e-3;
     double floor = 1e-6;
-    double differenceStep = 1e-5;
+    // |<gradient, d> - difference along d| / max(‖gradient‖, floor), where d has a random sign and
+    // a magnitude of 1/2 to 1 in each element.
+    double directionTolerance = 2e-5;
+    // h of (f(x + h d) - f(x - h d)) / 2h.
+    double differenceStep = 1e-6;
     Precision precision = Precision::Single;  // of the device that it runs on
-    // Elements of each input whose derivative is checked, drawn at random where there are more.
-    int samples = 48;
+    // Elements of each input whose derivative is checked alone: the first, the last, random ones.
+    int samples = 6;
     // True for elements to leave out (kinks, discontinuities): input name, element.
     std::function<bool(const std::string&, int64_t)> skip;
     // Outputs through which no gradient flows (indices, masks).
@@ -47,6 +52,10 @@ void checkOp(const std::string& op, const OpCase& testCase);
 
 // Expects an InputError whose text contains the given words.
 void expectInputError(const std::function<void()>& run, const std::string& words);
+
+// Sizes that reach every edge of what works on `tile` elements at once: 1, one less than a tile, a
+// tile, one more, and several tiles with a tail of about half a tile; ascending, without repeats.
+std::vector<int64_t> edgeSizes(int64_t tile);
 
 // Normal numbers, or uniform in [low, high); the same for the same seed.
 Value random(Shape shape, uint32_t seed = 1);

@@ -5,7 +5,9 @@
 #include <random>
 
 #include "common/divide.h"
+#include "conv/params.h"
 #include "nn/ops/conv/winograd.h"
+#include "nn/ops/linalg.h"
 #include "tests/op_test.h"
 
 namespace doppel {
@@ -15,8 +17,9 @@ size_t size(const Value& v, int d) { return static_cast<size_t>(v.shape[size_t(d
 
 // Calls f(image index, weight index, output index) for every product of a convolution of an image
 // [N,C,H,W] with a kernel [O,C,kh,kw] to [N,O,H',W'].
+template <typename F>
 void forEachProduct(const Shape& image, const Shape& kernel, int64_t stride, int64_t padding,
-                    const std::function<void(size_t, size_t, size_t)>& f) {
+                    const F& f) {
     int64_t N = image[0], C = image[1], H = image[2], W = image[3];
     int64_t O = kernel[0], kh = kernel[2], kw = kernel[3];
     int64_t OH = (H + 2 * padding - kh) / stride + 1, OW = (W + 2 * padding - kw) / stride + 1;
@@ -73,7 +76,6 @@ struct Case {
     Shape x, weight;
     int stride, padding;
     bool bias = true;
-    int samples = 8;
 };
 
 void checkConvolution(const char* op, const Case& c, int64_t features,
@@ -83,7 +85,7 @@ void checkConvolution(const char* op, const Case& c, int64_t features,
     OpCase opCase{.inputs = {{"x", random(c.x, 1)}, {"weight", random(c.weight, 2)}},
                   .attributes = {{"stride", c.stride}, {"padding", c.padding}},
                   .reference = reference,
-                  .samples = c.samples};
+                  .samples = 2};
     if (c.bias) opCase.inputs["bias"] = random({features}, 3);
     checkOp(op, opCase);
 }
@@ -114,6 +116,21 @@ TEST(Conv, Conv2d) {
         {{1, 2, 13, 7}, {3, 2, 4, 4}, 1, 1, false}, {{2, 2, 13, 5}, {1, 2, 3, 2}, 3, 2},
         {{1, 1, 2, 2}, {4, 1, 4, 4}, 2, 1},         {{1, 13, 5, 5}, {2, 13, 5, 5}, 1, 0}};
     for (const Case& c : cases) checkConvolution("conv2d", c, c.weight[0], convReference);
+}
+
+// Windows at the edges of a panel of them, and weights at the edges of a panel of these: of 2x3 so
+// that a channel has six rows.
+TEST(Conv, PanelEdges) {
+    const int64_t many = 1000, width = gemmPanelWidth(testDevice(), many);
+    std::vector<Case> cases;
+    for (int64_t n : edgeSizes(width)) cases.push_back({{1, 2, 2, n + 2}, {3, 2, 2, 3}, 1, 0});
+    for (int64_t n : edgeSizes(width / 6)) cases.push_back({{1, n, 3, 5}, {2, n, 2, 3}, 1, 0});
+    for (int64_t n : edgeSizes(gemmPanelRows(testDevice(), many)))
+        cases.push_back({{2, 1, 3, 4}, {n, 1, 2, 3}, 1, 1, false});
+    for (const Case& c : cases) checkConvolution("conv2d", c, c.weight[0], convReference);
+    for (int64_t n : edgeSizes(width))
+        checkConvolution("conv_transpose2d", {{1, 3, 1, n}, {3, 2, 2, 3}, 1, 0}, 2,
+                         transposedReference);
 }
 
 // Layers of one feature exchange the roles of image and map; of other strides and of few channels
@@ -158,8 +175,7 @@ TEST(Conv, Winograd) {
         {{1, 17, 31, 34}, {16, 17, 4, 4}, 1, 1}, {{5, 16, 15, 15}, {18, 16, 4, 4}, 1, 3, false},
         {{1, 17, 32, 34}, {16, 17, 3, 3}, 1, 1}, {{5, 16, 15, 14}, {18, 16, 3, 3}, 1, 2, false},
         {{2, 16, 31, 33}, {16, 16, 3, 3}, 1, 0}};
-    for (Case c : cases) {
-        c.samples = 3;
+    for (const Case& c : cases) {
         checkConvolution("conv2d", c, c.weight[0], convReference);
         Case transposed = c;
         auto out = [&](int64_t size) {
@@ -168,6 +184,29 @@ TEST(Conv, Winograd) {
         transposed.x = {c.x[0], c.weight[0], out(c.x[2]), out(c.x[3])};
         checkConvolution("conv_transpose2d", transposed, c.weight[1], transposedReference);
     }
+}
+
+// Maps whose sides are at the edges of Winograd's tiles, of 4x4 windows, or of 2x2 (stride 2, whose
+// images have sides of whole pairs of tiles); channels and features at the edges of panels.
+TEST(Conv, WinogradTileEdges) {
+    std::vector<Case> cases;
+    for (int64_t kernel : {3, 4})
+        for (int64_t over = 0; over < 4; ++over) {
+            // Maps of 4·5 + over by 4·4 + (3 - over) windows.
+            cases.push_back({{1, 16, 20 + over + kernel - 1, 19 - over + kernel - 1},
+                             {16, 16, kernel, kernel},
+                             1,
+                             0});
+        }
+    const int64_t rows = gemmPanelRows(testDevice(), 1000);
+    for (int64_t c : {rows - 1, rows, rows + 1}) {
+        cases.push_back({{1, c, 18, 23}, {16, c, 4, 4}, 1, 1});
+        cases.push_back({{1, 16, 18, 23}, {c, 16, 3, 3}, 1, 1});
+        cases.push_back({{1, c, 32, 32}, {16, c, 4, 4}, 2, 1});
+        cases.push_back({{2, 16, 16, 40}, {c, 16, 4, 4}, 2, 1});
+    }
+    for (int64_t tiles : {7, 8, 9}) cases.push_back({{tiles, 16, 12, 24}, {16, 16, 4, 4}, 2, 1});
+    for (const Case& c : cases) checkConvolution("conv2d", c, c.weight[0], convReference);
 }
 
 // Layers whose transformed weights are made in parts: their first and last features and channels
@@ -381,9 +420,16 @@ Value normalise(const Values& v, bool training) {
 }
 
 TEST(Conv, BatchNorm2d) {
-    for (Shape shape :
-         {Shape{5, 1, 1, 1}, Shape{1, 13, 7, 1}, Shape{3, 2, 5, 127}, Shape{2, 3, 6, 40},
-          Shape{1, 2, 66, 70}, Shape{2, 2, 51, 51}, Shape{2, 3, 64, 64}, Shape{3, 2, 32, 64}}) {
+    std::vector<Shape> shapes{{5, 1, 1, 1},   {1, 13, 7, 1},  {3, 2, 5, 127}, {2, 3, 6, 40},
+                              {1, 2, 66, 70}, {2, 2, 51, 51}, {2, 3, 64, 64}, {3, 2, 32, 64}};
+    // The edges of a subgroup's vector, of what an invocation takes, of a workgroup of sums; of the
+    // largest channel that one workgroup has alone; blocks of four subgroups and not of sixteen.
+    for (int64_t tile : {8, 64})
+        for (int64_t n : edgeSizes(tile)) shapes.push_back({5, 2, 1, n});
+    constexpr int64_t kSmall = 4096;
+    for (int64_t n : {kSmall - 1, kSmall, kSmall + 1, kSmall + 2}) shapes.push_back({1, 1, 1, n});
+    shapes.push_back({1, 2, 4 * 5, kChunkElements});
+    for (const Shape& shape : shapes) {
         int64_t C = shape[1];
         Values inputs = {
             {"x", random(shape, 1)}, {"weight", random({C}, 2)}, {"bias", random({C}, 3)}};

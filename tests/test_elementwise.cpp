@@ -2,14 +2,26 @@
 
 #include <cmath>
 
+#include "common/blocks.h"
 #include "common/random.h"
 #include "tests/op_test.h"
 
 namespace doppel {
 namespace {
 
-// The last two are wholes of blocks, by workgroups of sixteen subgroups and of four.
-const Shape kShapes[] = {{1}, {13}, {2, 3, 127}, {64, 256}, {68, 256}};
+constexpr int64_t kInvocation = 2 * kPairsEach;              // elements of an invocation
+constexpr int64_t kWorkgroup = 64 * kInvocation;             // of a workgroup
+constexpr int64_t kSubgroup = kBlocksEach * kBlockElements;  // of a subgroup that takes blocks
+
+// The edges of an invocation and of a workgroup; wholes of blocks by workgroups of sixteen
+// subgroups and of four (nn/ops/blocks.h), and an element less and more than these.
+std::vector<Shape> shapes() {
+    std::vector<Shape> all{{13}, {2, 3, 127}, {64, kSubgroup}, {68, kSubgroup}};
+    for (int64_t tile : {kInvocation, kWorkgroup})
+        for (int64_t n : edgeSizes(tile)) all.push_back({n});
+    for (int64_t n : {64 * kSubgroup - 1, 68 * kSubgroup + 1}) all.push_back({n});
+    return all;
+}
 
 // One input x, one output y of the same shape.
 Values mapX(const Values& v, const std::function<double(double)>& f) {
@@ -20,7 +32,7 @@ Values mapX(const Values& v, const std::function<double(double)>& f) {
 
 void checkMap(const std::string& op, const std::function<double(double)>& f,
               const std::map<std::string, double>& attributes = {}) {
-    for (const Shape& shape : kShapes)
+    for (const Shape& shape : shapes())
         checkOp(op, {.inputs = {{"x", random(shape)}},
                      .attributes = attributes,
                      .reference = [&](const Values& v) { return mapX(v, f); }});
@@ -61,7 +73,7 @@ TEST(Elementwise, FarFromZero) {
 }
 
 void checkPointwise(const char* op, double (*f)(double, double)) {
-    for (const Shape& shape : kShapes)
+    for (const Shape& shape : shapes())
         checkOp(op, {.inputs = {{"a", random(shape, 1)}, {"b", random(shape, 2)}},
                      .reference = [&](const Values& v) -> Values {
                          Value y = v.at("a");
@@ -95,15 +107,21 @@ TEST(Elementwise, SumWithItself) {
 }
 
 void checkConcat(const char* op, bool relu) {
-    struct {
+    struct Case {
         Shape a, b;
         int axis;
-    } cases[] = {{{1, 1}, {1, 1}, 1},
-                 {{13, 7}, {13, 3}, 1},
-                 {{2, 3, 5, 7}, {2, 1, 5, 7}, 1},
-                 {{2, 3, 5, 8}, {2, 5, 5, 8}, 1},
-                 {{3, 4}, {2, 4}, 0},
-                 {{2, 18, 16, 32}, {2, 34, 16, 32}, 1}};
+    };
+    std::vector<Case> cases = {{{1, 1}, {1, 1}, 1},
+                               {{13, 7}, {13, 3}, 1},
+                               {{2, 3, 5, 7}, {2, 1, 5, 7}, 1},
+                               {{2, 3, 5, 8}, {2, 5, 5, 8}, 1},
+                               {{3, 4}, {2, 4}, 0},
+                               {{2, 18, 16, 32}, {2, 34, 16, 32}, 1}};
+    for (int64_t tile : {kInvocation, kWorkgroup})
+        for (int64_t n : edgeSizes(tile)) {
+            cases.push_back({{3, n}, {3, 5}, 1});
+            cases.push_back({{2, 6}, {2, n}, 1});
+        }
     for (const auto& c : cases)
         checkOp(op, {.inputs = {{"a", random(c.a, 1)}, {"b", random(c.b, 2)}},
                      .attributes = {{"axis", c.axis}},
@@ -132,7 +150,7 @@ TEST(Elementwise, Concat) { checkConcat("concat", false); }
 TEST(Elementwise, ConcatRelu) { checkConcat("concat_relu", true); }
 
 TEST(Elementwise, Dropout) {
-    for (const Shape& shape : kShapes)
+    for (const Shape& shape : shapes())
         checkOp("dropout", {.inputs = {{"x", random(shape)}},
                             .attributes = {{"rate", 0.5}, {"stream", 3}},
                             .reference = [](const Values& v) -> Values {

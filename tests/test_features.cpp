@@ -147,7 +147,9 @@ TEST(Features, Conv3d) {
 }
 
 TEST(Features, FeatureDistance) {
-    for (Shape shape : {Shape{1, 1, 1, 1}, Shape{2, 13, 3, 5}, Shape{1, 7, 1, 127}}) {
+    std::vector<Shape> shapes{{1, 1, 1, 1}, {2, 13, 3, 5}, {1, 7, 1, 127}};
+    for (int64_t pixels : edgeSizes(64)) shapes.push_back({1, 3, 1, pixels});
+    for (const Shape& shape : shapes) {
         Value a = random(shape, 1), b = random(shape, 2);
         // A pixel where nothing answers: zero over zero.
         for (int64_t c = 0; c < shape[1]; ++c) a.data[at(shape, 0, c, 0, 0)] = 0;

@@ -9,15 +9,18 @@ namespace doppel {
 namespace {
 
 TEST(Fit, SelectRow) {
-    for (int offset : {-3, 0, 1, 9})
-        checkOp("select_row", {.inputs = {{"table", random({5, 13})}},
-                               .integers = {{"index", indices({3}, {7, 2, 4})}},
-                               .attributes = {{"word", 1}, {"offset", offset}},
-                               .reference = [=](const Values& v) -> Values {
-                                   int row = std::clamp(2 + offset, 0, 4);
-                                   auto begin = v.at("table").data.begin() + row * 13;
-                                   return {{"row", {{13}, {begin, begin + 13}}}};
-                               }});
+    std::vector<std::pair<int64_t, int>> cases{{13, -3}, {13, 0}, {13, 1}, {13, 9}};
+    for (int64_t columns : edgeSizes(64)) cases.emplace_back(columns, 1);  // of a workgroup
+    for (auto [columns, offset] : cases)
+        checkOp("select_row",
+                {.inputs = {{"table", random({5, columns})}},
+                 .integers = {{"index", indices({3}, {7, 2, 4})}},
+                 .attributes = {{"word", 1}, {"offset", offset}},
+                 .reference = [=, columns = columns, offset = offset](const Values& v) -> Values {
+                     int row = std::clamp(2 + offset, 0, 4);
+                     auto begin = v.at("table").data.begin() + row * columns;
+                     return {{"row", {{columns}, {begin, begin + columns}}}};
+                 }});
     expectInputError(
         [] {
             Npz in;

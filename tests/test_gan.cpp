@@ -30,7 +30,10 @@ Values leastSquaresReference(const Values& v) {
 }
 
 TEST(GanLoss, AgainstPlainLoop) {
-    for (const Shape& size : {Shape{1}, {13}, {2, 1, 5, 7}, {1, 1, 127, 63}})
+    std::vector<Shape> shapes{{13}, {2, 1, 5, 7}, {1, 1, 127, 63}};
+    for (int64_t tile : {8, 256})  // lanes of a workgroup: a CPU's vector or more
+        for (int64_t n : edgeSizes(tile)) shapes.push_back({n});
+    for (const Shape& size : shapes)
         for (double real : {0.0, 1.0}) {
             OpCase test{.inputs = {{"x", random(size)}}, .attributes = {{"real", real}}};
             test.reference = logReference;
@@ -83,7 +86,7 @@ Values cropReference(const Values& v) {
 }
 
 TEST(CropWindow, AgainstPlainLoop) {
-    for (int64_t size : {1, 8, 13})
+    for (int64_t size : {1, 7, 8, 9, 13})
         for (const Shape& shape : {Shape{1, 1, 1, 1}, {2, 3, 13, 17}, {3, 2, 40, 127}}) {
             OpCase test{
                 .inputs = {{"x", random(shape)}, {"centres", uniform({shape[0], 2}, -5, 45, 3)}},
@@ -127,7 +130,7 @@ Values regionReference(const Values& v) {
 }
 
 TEST(MisalignedRegion, AgainstPlainLoop) {
-    for (const Shape& shape : {Shape{1, 1}, {13, 31}, {40, 127}})
+    for (const Shape& shape : {Shape{1, 1}, {13, 31}, {40, 127}, {7, 9}, {8, 8}, {13, 5}})
         for (double face : {0., 7., 16.})
             for (double oneSided : {0., 1.})
                 checkOp("misaligned_region",
@@ -171,7 +174,10 @@ Values planarReference(const Values& v) {
 }
 
 TEST(Planar, AgainstPlainLoop) {
-    for (const Shape& shape : {Shape{1, 1, 3}, {13, 7, 3}, {31, 127, 2}}) {
+    std::vector<Shape> shapes{{1, 1, 3}, {13, 7, 3}, {31, 127, 2}};
+    for (int64_t tile : {8, 512})  // pixels of an invocation in pairs, of a workgroup
+        for (int64_t n : edgeSizes(tile)) shapes.push_back({1, n, 3});
+    for (const Shape& shape : shapes) {
         OpCase test{.inputs = {{"image", random(shape)}}, .reference = planarReference};
         checkOp("planar", test);
         test.inputs["mask"] = uniform({shape[0], shape[1]}, 0, 1, 2);

@@ -1,5 +1,7 @@
 #include "nn/ops/linalg.h"
 
+#include "linalg/params.h"
+#include "nn/core/tuning.h"
 #include "tests/op_test.h"
 
 namespace doppel {
@@ -21,22 +23,26 @@ Values matmulReference(const Values& v) {
     return {{"c", c}};
 }
 
+void checkMatmul(int64_t batch, int64_t m, int64_t n, int64_t k, bool transA, bool transB,
+                 Precision precision = Precision::Single) {
+    SCOPED_TRACE(fmt::format("{} x {}x{}x{} trans {}{}", batch, m, n, k, transA, transB));
+    const bool mixed = precision == Precision::Mixed;
+    checkOp("matmul",
+            {.inputs = {{"a", random(transA ? Shape{batch, k, m} : Shape{batch, m, k}, 1)},
+                        {"b", random(transB ? Shape{batch, n, k} : Shape{batch, k, n}, 2)}},
+             .attributes = {{"trans_a", transA}, {"trans_b", transB}},
+             .reference = matmulReference,
+             .forwardTolerance = mixed ? 1e-3 : 2e-5,
+             .gradientTolerance = mixed ? 4e-3 : 1e-3,
+             .directionTolerance = mixed ? 4e-3 : 2e-5,
+             .precision = precision});
+}
+
+// Both matrices as they are and transposed.
 void checkMatmul(int64_t batch, int64_t m, int64_t n, int64_t k,
                  Precision precision = Precision::Single) {
-    for (int ta = 0; ta < 2; ++ta)
-        for (int tb = 0; tb < 2; ++tb) {
-            SCOPED_TRACE(fmt::format("{} x {}x{}x{} trans {}{}", batch, m, n, k, ta, tb));
-            bool mixed = precision == Precision::Mixed;
-            checkOp("matmul",
-                    {.inputs = {{"a", random(ta ? Shape{batch, k, m} : Shape{batch, m, k}, 1)},
-                                {"b", random(tb ? Shape{batch, n, k} : Shape{batch, k, n}, 2)}},
-                     .attributes = {{"trans_a", ta}, {"trans_b", tb}},
-                     .reference = matmulReference,
-                     .forwardTolerance = mixed ? 1e-3 : 2e-5,
-                     .gradientTolerance = mixed ? 4e-3 : 1e-3,
-                     .precision = precision,
-                     .samples = 6});
-        }
+    for (bool transA : {false, true})
+        for (bool transB : {false, true}) checkMatmul(batch, m, n, k, transA, transB, precision);
 }
 
 TEST(Linalg, MatmulOdd) { checkMatmul(1, 13, 31, 7); }
@@ -45,6 +51,23 @@ TEST(Linalg, MatmulBatch) { checkMatmul(3, 8, 10, 6); }
 TEST(Linalg, MatmulOne) { checkMatmul(1, 1, 1, 1); }
 TEST(Linalg, MatmulPair) { checkMatmul(2, 2, 2, 2); }
 TEST(Linalg, MatmulPrime) { checkMatmul(1, 127, 3, 131); }
+
+// The edges of a tile's rows and columns and of what a loop over k takes at once; the gradients'
+// products have them along the other axes. Transpositions take turns: each that a device sees first
+// is a kernel to compile.
+TEST(Linalg, MatmulTileEdges) {
+    const int64_t many = 1000, rows = gemmPanelRows(testDevice(), many);
+    const int64_t columns = gemmPanelWidth(testDevice(), many);
+    int turn = 0;
+    auto check = [&](int64_t m, int64_t n, int64_t k) {
+        checkMatmul(1, m, n, k, turn % 2 != 0, turn / 2 % 2 != 0);
+        ++turn;
+    };
+    for (int64_t m : edgeSizes(rows)) check(m, 34, 18);
+    for (int64_t n : edgeSizes(columns)) check(13, n, 10);
+    for (int64_t k : edgeSizes(kGemmUnroll)) check(14, 31, k);
+}
+
 // Large enough to be packed into panels.
 TEST(Linalg, MatmulPanels) {
     checkMatmul(2, 66, 258, 10);
@@ -61,6 +84,12 @@ TEST(Linalg, MatmulNarrow) {
     checkMatmul(1, 264, 4, 8);
     checkMatmul(1, 68, 3, 1036);
     checkMatmul(1, 64, 36, 24);
+}
+
+// The edges of the longest sum that one part of a product makes.
+TEST(Linalg, MatmulPartEdges) {
+    for (int64_t k : edgeSizes(gemmTuning(testDevice()).shortestPart))
+        checkMatmul(1, 3, 5, k, true, false);
 }
 
 // Tiles that reach over the matrices' ends, whole ones, several parts, batches.
@@ -166,8 +195,18 @@ TEST(Linalg, ProductAddsToWhatIsThere) {
 }
 
 TEST(Linalg, Linear) {
-    for (auto [v, i, o] :
-         {std::array{1, 1, 1}, {13, 7, 3}, {127, 131, 13}, {50, 16, 32}, {300, 36, 3}})
+    for (auto [v, i, o] : {std::array{1, 1, 1},
+                           {13, 7, 3},
+                           {127, 131, 13},
+                           {50, 16, 32},
+                           {300, 36, 3},
+                           // Narrow products take a few rows at once, and as many as four columns.
+                           {255, 8, 4},
+                           {256, 8, 4},
+                           {257, 8, 4},
+                           {261, 8, 1},
+                           {256, 12, 2},
+                           {256, 12, 5}})
         for (bool withBias : {true, false}) {
             OpCase c{.inputs = {{"x", random({v, i}, 1)},
                                 {"weight", random({o, i}, 2)},

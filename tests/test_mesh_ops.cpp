@@ -5,6 +5,8 @@
 #include <map>
 #include <set>
 
+#include "mesh/params.h"
+#include "nn/ops/linalg.h"
 #include "tests/op_test.h"
 
 namespace doppel {
@@ -122,14 +124,27 @@ void checkMeshOp(const std::string& op, const std::function<Values(const Values&
                      .reference = reference});
 }
 
-// One face, closed, open, with an isolated vertex, with three faces at one edge.
+// A strip of triangles.
+TestMesh strip(int64_t faces) {
+    TestMesh mesh{random({faces + 2, 3}), {}};
+    for (int f = 0; f < int(faces); ++f) mesh.faces.insert(mesh.faces.end(), {f, f + 1, f + 2});
+    return mesh;
+}
+
+// One face, closed, open, with an isolated vertex, with three faces at one edge; vertices and faces
+// at the edges of a workgroup of 64 and of a part of a sum of 256.
 std::vector<TestMesh> meshes() {
-    return {{random({3, 3}), {0, 1, 2}},
-            {random({4, 3}), {0, 1, 2, 0, 2, 3, 0, 3, 1, 1, 3, 2}},
-            {random({5, 3}), {0, 1, 2, 1, 0, 3, 0, 1, 4}},
-            grid(2),
-            grid(13),
-            grid(40)};
+    std::vector<TestMesh> all{{random({3, 3}), {0, 1, 2}},
+                              {random({4, 3}), {0, 1, 2, 0, 2, 3, 0, 3, 1, 1, 3, 2}},
+                              {random({5, 3}), {0, 1, 2, 1, 0, 3, 0, 1, 4}},
+                              grid(2),
+                              grid(13),
+                              grid(40)};
+    for (int64_t tile : {64, 256})
+        for (int64_t n : edgeSizes(tile))
+            for (int64_t faces : {n, n - 2})
+                if (faces > 0) all.push_back(strip(faces));
+    return all;
 }
 
 TEST(MeshOps, VertexNormals) { checkMeshOp("vertex_normals", normalsReference, meshes()); }
@@ -214,11 +229,19 @@ TEST(MeshOps, GraphConv) {
     // One vertex has no edges. Multiples of sixteen outputs take the kernel of pairs.
     for (auto [V, I, O] : {std::array{1, 1, 1}, std::array{13, 5, 13}, std::array{127, 13, 16}})
         checkOp("graph_conv", graphConvCase(V, I, O));
+    // Outputs at the edges of an invocation's columns, rows at those of a panel, and columns of x
+    // with and without padding to a multiple of four.
+    for (int64_t O : edgeSizes(kPairColumns)) checkOp("graph_conv", graphConvCase(13, 8, O));
+    for (int64_t V : edgeSizes(gemmPanelRows(testDevice(), 1000)))
+        checkOp("graph_conv", graphConvCase(V, 11, 32));
+    for (int64_t I : {3, 4, 5, 43, 44, 45, 87, 88}) checkOp("graph_conv", graphConvCase(9, I, 4));
 }
 
 TEST(MeshOps, GraphConvLayer) {
     for (auto [V, I, O, extra] :
-         {std::array{13, 5, 13, 3}, std::array{13, 11, 32, 1}, std::array{127, 11, 16, 1}}) {
+         {std::array{13, 5, 13, 3}, std::array{13, 11, 32, 1}, std::array{127, 11, 16, 1},
+          std::array{5, 3, 31, 1}, std::array{6, 3, 33, 1}, std::array{7, 12, 96, 0},
+          std::array{33, 5, 64, 3}}) {
         OpCase testCase = graphConvCase(V, I, O);
         testCase.inputs["x"] = random({V, I + extra}, 1);
         testCase.inputs["tail"] = random({V, 3}, 6);
@@ -290,7 +313,7 @@ TEST(MeshOps, LossesOfSmallMeshesKeepTheirDigits) {
 }
 
 TEST(MeshOps, OffsetClamp) {
-    for (int64_t n : {1, 13, 127}) {
+    for (int64_t n : {1, 13, 63, 64, 65, 127}) {
         Value limit = uniform({n}, 0, 1.5, 3);
         for (size_t v = 0; v < limit.data.size(); v += 3) limit.data[v] = 0;
         checkOp("offset_clamp", {.inputs = {{"verts", random({n, 3}, 1)},

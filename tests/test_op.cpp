@@ -1,29 +1,9 @@
-// The op registry, its refusals, and that no op is left without a test.
-#include <filesystem>
-#include <fstream>
-#include <regex>
-#include <sstream>
-
+// The op registry and its refusals. (That no op is left without a test: test_kernels.cpp.)
+#include "bench/params.h"
 #include "tests/op_test.h"
 
 namespace doppel {
 namespace {
-
-TEST(OpRegistry, EveryOpHasACase) {
-    std::string sources;
-    for (const auto& entry : std::filesystem::directory_iterator(DOPPEL_SOURCE_DIR "/tests")) {
-        if (entry.path().extension() != ".cpp" || entry.path().filename() == "test_op.cpp")
-            continue;
-        std::stringstream text;
-        text << std::ifstream(entry.path()).rdbuf();
-        sources += text.str();
-    }
-    EXPECT_FALSE(Op::all().empty());
-    for (const Op* op : Op::all())
-        EXPECT_TRUE(std::regex_search(sources,
-                                      std::regex("check[A-Za-z0-9]*\\(\\s*\"" + op->name() + "\"")))
-            << "no test calls checkOp(\"" << op->name() << "\", …) or a helper of its own";
-}
 
 TEST(OpRegistry, RefusesWhatDoesNotFit) {
     const Op* op = Op::find("leaky_relu");
@@ -42,6 +22,41 @@ TEST(OpRegistry, RefusesWhatDoesNotFit) {
     in.set("grad_y", Array::f32({3}, std::vector<float>{1, 1, 1}));
     in.set("nonsense", Array::f32({1}, std::vector<float>{1}));
     expectInputError([&] { op->run(testDevice(), in, {}); }, "nonsense");
+}
+
+// The kernels that doppel-bench compares ops with belong to no op: eight chains of multiply-adds
+// for each number, and a copy.
+TEST(Ceilings, ComputeWhatTheySay) {
+    for (int64_t n : edgeSizes(64)) {
+        Graph graph(testDevice());
+        const CeilingParams params{static_cast<uint32_t>(n), 3};
+        Tensor x = graph.input({n, 4}), chains = graph.temporary({n, 4});
+        Tensor copy = graph.temporary({n, 4});
+        graph.beginOp("ceilings");
+        for (auto [kernel, y] :
+             {std::pair("bench/ceiling.fma", chains), std::pair("bench/ceiling.copy", copy)}) {
+            graph.dispatch(kernel, {{"x", x}, {"y", y}}, params, static_cast<uint64_t>(n));
+            graph.output(y);
+        }
+        graph.compile({.poison = true});
+        Value values = uniform({n, 4}, -1, 1);
+        std::vector<float> given(values.data.begin(), values.data.end());
+        graph.write(x, given);
+        graph.run();
+        std::vector<double> expected;
+        for (float a : given) {
+            double sum = 0;
+            for (int chain = 0; chain < 8; ++chain) {
+                double s = double(a) + chain;
+                for (uint32_t round = 0; round < params.rounds; ++round) s = s * double(a) + 0.5;
+                sum += s;
+            }
+            expected.push_back(sum);
+        }
+        std::vector<float> got = graph.read(chains);
+        EXPECT_LE(relativeError({got.begin(), got.end()}, expected, 1e-6), 1e-6) << n;
+        EXPECT_EQ(graph.read(copy), given) << n;
+    }
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "common/blocks.h"
 #include "nn/ops/elementwise.h"
 #include "tests/op_test.h"
 
@@ -23,7 +24,13 @@ const std::map<std::string, double> kOptions = {
     {"lr", 0.01}, {"beta1", 0.5}, {"beta2", 0.99}, {"eps", 1e-8}, {"weight_decay", 0.1}};
 
 TEST(Optim, AdamW) {
-    for (auto [n, steps] : {std::pair<int64_t, int64_t>{1, 1}, {13, 3}, {1270, 4}, {20481, 2}})
+    // The edges of an invocation's pairs and of a workgroup; wholes of blocks, and one more.
+    constexpr int64_t kInvocation = 2 * kPairsEach, kBlocks = 64 * kBlocksEach * kBlockElements;
+    std::vector<std::pair<int64_t, int64_t>> cases{
+        {1, 1}, {13, 3}, {1270, 4}, {20481, 2}, {kBlocks, 1}, {kBlocks + 1, 1}, {kBlocks - 1, 1}};
+    for (int64_t tile : {kInvocation, 64 * kInvocation})
+        for (int64_t n : edgeSizes(tile)) cases.push_back({n, 2});
+    for (auto [n, steps] : cases)
         checkOp("adamw", {.inputs = {{"param", random({n}, 1)}, {"grad", random({steps, n}, 2)}},
                           .attributes = kOptions,
                           .reference = [](const Values& in) -> Values {
@@ -62,7 +69,9 @@ TEST(Optim, AdamWRowTouchesOneRow) {
 }
 
 TEST(Optim, ClipNorm) {
-    for (int64_t n : {1, 13, 5000})
+    std::vector<int64_t> sizes = edgeSizes(512);  // elements of a first sum, see nn/ops/optim.cpp
+    sizes.insert(sizes.end(), {13, 5000, 64 * 512, 64 * 512 + 1});
+    for (int64_t n : sizes)
         for (double maxNorm : {0.5, 1000.0})
             checkOp("clip_norm", {.inputs = {{"grad", random({n})}},
                                   .attributes = {{"max_norm", maxNorm}},

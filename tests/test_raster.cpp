@@ -323,8 +323,8 @@ TEST(SoftSilhouette, AwkwardScenes) {
                 test.attributes["large_box"] = largeBox;
                 awkwardScene(width, height, test.inputs, test.integers);
                 test.reference = softSilhouetteReference();
-                test.differenceStep = 1e-6;
-                test.samples = 69;
+                test.directionTolerance = 1e-4;  // S is summed in units of 2^-24
+                test.samples = 24;
                 checkOp("soft_silhouette", test);
             }
 }
@@ -335,9 +335,9 @@ TEST(SoftSilhouette, ManyFaces) {
     test.attributes["sigma"] = 1e-4;
     test.attributes["blur_radius"] = 9.21e-4;
     sphere(12, test.inputs, test.integers);
+    // Off the axes, where pixels are as near to one edge of a face as to another.
+    for (double& value : test.inputs["verts"].data) value += 0.0137;
     test.reference = softSilhouetteReference();
-    test.differenceStep = 1e-6;
-    test.samples = 24;
     checkOp("soft_silhouette", test);
 }
 

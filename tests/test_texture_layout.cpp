@@ -6,7 +6,10 @@ namespace doppel {
 namespace {
 
 TEST(TextureLayout, Interleave) {
-    for (Shape shape : {Shape{1, 1, 1}, Shape{3, 13, 7}, Shape{4, 2, 127}})
+    std::vector<Shape> shapes{{1, 1, 1}, {3, 13, 7}, {4, 2, 127}};
+    for (int64_t tile : {8, 64})  // pixels of an invocation in pairs or quads, of a workgroup
+        for (int64_t n : edgeSizes(tile)) shapes.push_back({3, 1, n});
+    for (const Shape& shape : shapes)
         checkOp("interleave",
                 {.inputs = {{"x", random(shape)}}, .reference = [=](const Values& v) -> Values {
                      const auto& x = v.at("x").data;

@@ -248,6 +248,7 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
     if (g.sums)
         CHECK(g.transA && g.batch == 1 && g.startA == 0 && g.lda == g.m, "A's sums are over rows");
     if (int64_t apart = columnsApart(g, p)) {
+        if (g.panelsA) g.lda = 0;  // as it was given
         Gemm wide = g, narrow = g;
         wide.sums = {};
         wide.n = g.n - apart;
