@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "tests/files.h"
 #include "tests/op_test.h"
 
 namespace doppel {
@@ -10,12 +11,56 @@ namespace {
 
 namespace fs = std::filesystem;
 
+const fs::path kGolden = DOPPEL_SOURCE_DIR "/tests/golden";
+
 std::vector<fs::path> goldenFiles() {
     std::vector<fs::path> files;
-    for (const auto& entry : fs::recursive_directory_iterator(DOPPEL_SOURCE_DIR "/tests/golden"))
+    for (const auto& entry : fs::recursive_directory_iterator(kGolden))
         if (entry.path().extension() == ".npz") files.push_back(entry.path());
     std::ranges::sort(files);
     return files;
+}
+
+// What keeps files of a folder from being cases, a sentence each.
+std::vector<std::string> goldenProblems(const fs::path& folder) {
+    std::vector<std::string> problems;
+    size_t files = 0;
+    for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+        const fs::path path = fs::relative(entry.path(), folder);
+        if (entry.is_directory()) {
+            if (fs::is_empty(entry)) problems.push_back(path.string() + " holds no case");
+            continue;
+        }
+        if (path.filename() == ".gitkeep") continue;
+        ++files;
+        const std::string op = path.parent_path().string();
+        if (path.extension() != ".npz")
+            problems.push_back(path.string() + " is no .npz file");
+        else if (!Op::find(op))
+            problems.push_back(path.string() + ": there is no op \"" + op + "\"");
+    }
+    if (files == 0) problems.push_back("there are no golden files");
+    std::ranges::sort(problems);
+    return problems;
+}
+
+TEST(GoldenFolder, HoldsCasesOfOps) {
+    EXPECT_EQ(goldenProblems(kGolden), std::vector<std::string>{});
+}
+
+TEST(GoldenFolder, RefusesWhatIsNoCase) {
+    test::Folder folder;
+    EXPECT_EQ(goldenProblems(folder.path()), std::vector<std::string>{"there are no golden files"});
+    for (const char* name : {"add", "add/deep", "no_such_op", "tanh"})
+        fs::create_directory(folder / name);
+    for (const char* name :
+         {"a.npz", "add/b.npz", "add/deep/c.npz", "add/d.txt", "no_such_op/e.npz"})
+        folder.write(name, "");
+    EXPECT_EQ(goldenProblems(folder.path()),
+              (std::vector<std::string>{"a.npz: there is no op \"\"", "add/d.txt is no .npz file",
+                                        "add/deep/c.npz: there is no op \"add/deep\"",
+                                        "no_such_op/e.npz: there is no op \"no_such_op\"",
+                                        "tanh holds no case"}));
 }
 
 class Golden : public testing::TestWithParam<fs::path> {};
@@ -57,7 +102,6 @@ std::string caseName(const testing::TestParamInfo<fs::path>& file) {
     return name;
 }
 
-GTEST_ALLOW_UNINSTANTIATED_PARAMETERIZED_TEST(Golden);
 INSTANTIATE_TEST_SUITE_P(Files, Golden, testing::ValuesIn(goldenFiles()), caseName);
 
 }  // namespace
