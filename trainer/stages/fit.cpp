@@ -9,7 +9,6 @@
 #include "nn/steps/fit_step.h"
 #include "trainer/data/body_render.h"
 #include "trainer/eval/metrics.h"
-#include "trainer/stages/train.h"
 #include "trainer/stages/training_frames.h"
 
 namespace doppel {

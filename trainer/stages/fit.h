@@ -8,15 +8,9 @@
 #include "nn/body/body.h"
 #include "trainer/avatar/preset.h"
 #include "trainer/data/capture.h"
-#include "trainer/stages/stage_loop.h"
+#include "trainer/stages/stage.h"
 
 namespace doppel {
-
-struct FitResult {
-    // Of the body's silhouette with the masks, at the frames' own resolution, mean over frames.
-    double iouBefore = 0, iouAfter = 0;
-    std::vector<double> frameIouBefore, frameIouAfter;
-};
 
 struct FitSettings {
     FitPreset preset;

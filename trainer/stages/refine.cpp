@@ -7,8 +7,8 @@
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/avatar/networks.h"
 #include "trainer/stages/live_state.h"
+#include "trainer/stages/stage.h"
 #include "trainer/stages/stage_loop.h"
-#include "trainer/stages/train.h"
 #include "trainer/stages/training_frames.h"
 
 namespace doppel {

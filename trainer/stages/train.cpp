@@ -105,10 +105,11 @@ std::optional<std::string> difference(const Asked& there, const Asked& here) {
     return std::nullopt;
 }
 
-bool hasStage(const Avatar& avatar, const std::string& stage) {
-    return avatar.trained.contains(stage) || (stage == "mesh" && !avatar.meshNet.empty()) ||
-           (stage == "texture" && !avatar.textureNet.empty()) ||
-           (stage == "refine" && !avatar.refineNet.empty());
+bool hasStage(const Avatar& avatar, const std::string& name) {
+    if (avatar.trained.contains(name)) return true;
+    for (const Stage& stage : allStages())
+        if (stage.name == name && stage.isIn && stage.isIn(avatar)) return true;
+    return false;
 }
 
 // What is on disk of a run, between its start and its end.
@@ -146,19 +147,21 @@ public:
         }
     }
 
-    bool wants(const char* stage) const { return std::ranges::count(settings_.stages, stage) > 0; }
-    bool isDone(const char* stage) const { return record_.isDone(stage); }
+    bool wants(const std::string& stage) const {
+        return std::ranges::count(settings_.stages, stage) > 0;
+    }
+    bool isDone(const std::string& stage) const { return record_.isDone(stage); }
 
     // Result first, then the word that it is there: a run killed between the two takes the stage's
     // last steps again.
-    void finish(const char* stage, Avatar& avatar) {
+    void finish(const std::string& stage, Avatar& avatar) {
         if (!settings_.keeps()) return;
         avatar.trained[stage] = askedOf(stage, record_.asked);
         writeAvatar(settings_.out, avatar);
         record_.done.push_back(stage);
         writeRunRecord(settings_.out, record_);
         std::error_code ignored;
-        std::filesystem::remove(folder() / (std::string(stage) + ".safetensors"), ignored);
+        std::filesystem::remove(folder() / (stage + ".safetensors"), ignored);
     }
 
     // Nothing is left of a run that failed before it had anything to go on from: a frame that
@@ -229,7 +232,7 @@ void trainStages(Device& device, TrainResult& result, const TrainSettings& setti
         // becomes of the run.
         for (const Stage* later = &stage; later != &allStages().back() + 1; ++later)
             if (run.wants(later->name)) {
-                later->clear(result.avatar);
+                if (later->clear) later->clear(result.avatar);
                 result.avatar.trained.erase(later->name);
             }
         if (!stage.movesPoses) result.capture.betas = result.avatar.betas;
@@ -249,15 +252,24 @@ void trainStages(Device& device, TrainResult& result, const TrainSettings& setti
 
 const std::vector<Stage>& allStages() {
     static const std::vector<Stage> stages{
-        {"fit", trainFit, [](Avatar&) {}, true},
-        {"mesh", trainMesh, [](Avatar& avatar) { avatar.meshNet.clear(); }},
-        {"texture", trainTexture,
-         [](Avatar& avatar) {
-             avatar.textureNet.clear();
-             avatar.texture.clear();
-             avatar.clearRefinement();
-         }},
-        {"refine", trainRefine, [](Avatar& avatar) { avatar.clearRefinement(); }},
+        {.name = "fit", .train = trainFit, .movesPoses = true},
+        {.name = "mesh",
+         .train = trainMesh,
+         .isIn = [](const Avatar& avatar) { return !avatar.meshNet.empty(); },
+         .clear = [](Avatar& avatar) { avatar.meshNet.clear(); }},
+        {.name = "texture",
+         .train = trainTexture,
+         .isIn = [](const Avatar& avatar) { return !avatar.textureNet.empty(); },
+         .clear =
+             [](Avatar& avatar) {
+                 avatar.textureNet.clear();
+                 avatar.texture.clear();
+                 avatar.clearRefinement();
+             }},
+        {.name = "refine",
+         .train = trainRefine,
+         .isIn = [](const Avatar& avatar) { return !avatar.refineNet.empty(); },
+         .clear = [](Avatar& avatar) { avatar.clearRefinement(); }},
     };
     return stages;
 }

@@ -1,0 +1,65 @@
+// A stage of the training: what it is given, and what a run knows of it.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "trainer/avatar/avatar.h"
+#include "trainer/data/capture.h"
+#include "trainer/stages/stage_loop.h"
+
+namespace doppel {
+
+// resume: go on with the unfinished run in `out`, which must have been asked for the same;
+// otherwise what is left of one is removed, and finished stages are trained again.
+struct TrainSettings : LoopSettings {
+    // Called once the run's folder holds a first state in liveFolder(); may be empty, and then that
+    // comes with the first picture.
+    std::function<void()> opened;
+    std::vector<std::string> stages{"fit", "mesh", "texture"};  // in this order
+    uint64_t memoryBudget = 0;
+
+    CompileOptions compileOptions() const {
+        return {.memoryBudget = memoryBudget, .timestamps = profileSteps > 0};
+    }
+};
+
+struct FitResult {
+    // Of the body's silhouette with the masks, at the frames' own resolution, mean over frames.
+    double iouBefore = 0, iouAfter = 0;
+    std::vector<double> frameIouBefore, frameIouAfter;
+};
+
+struct TrainResult {
+    Avatar avatar;
+    Capture capture;  // with the fitted poses
+    std::optional<FitResult> fit;
+};
+
+// Stage "fit": the capture's poses and shape; see fitCapture().
+void trainFit(Device& device, TrainResult& result, const TrainSettings& settings);
+
+// Stage 1: the mesh refinement network G_m against the masks; fills avatar.meshNet.
+void trainMesh(Device& device, TrainResult& result, const TrainSettings& settings);
+
+// Stage 2: the coarse texture network G_TN against the frames; fills avatar.textureNet and texture.
+void trainTexture(Device& device, TrainResult& result, const TrainSettings& settings);
+
+// Stage 3: the texture refinement network G_RN; fills avatar.refineNet and bakedTexture. InputError
+// where the avatar has no texture network.
+void trainRefine(Device& device, TrainResult& result, const TrainSettings& settings);
+
+// A stage, as a run takes them one after the other.
+struct Stage {
+    std::string name;
+    void (*train)(Device&, TrainResult&, const TrainSettings&);
+    bool movesPoses = false;  // it changes the capture's poses, which the stages after it need
+    // Of what the stage leaves in an avatar beside its record; empty: nothing. Whether it is there;
+    // and taking it off, with what later stages made of it.
+    bool (*isIn)(const Avatar&) = nullptr;
+    void (*clear)(Avatar&) = nullptr;
+};
+
+}  // namespace doppel
