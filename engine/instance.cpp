@@ -26,8 +26,7 @@ VKAPI_ATTR VkBool32 VKAPI_CALL onMessage(VkDebugUtilsMessageSeverityFlagBitsEXT,
 
 // Mesa keeps what lavapipe compiles in a cache on disk, and Mesa 25 finds the functions there that
 // fetch texels whatever width of vectors they were compiled for: a program that runs with another
-// width crashes in them. So each width has a folder of its own. (The viewer's window and networks
-// may have different ones, see viewer/window.h.)
+// width crashes in them. So each width has a folder of its own.
 void separateShaderCaches() {
     namespace fs = std::filesystem;
     const char* width = std::getenv("LP_NATIVE_VECTOR_WIDTH");

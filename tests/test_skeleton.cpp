@@ -1,5 +1,4 @@
 // The viewer's skeleton against the skinning op; limits; inverse kinematics.
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <random>
@@ -567,38 +566,6 @@ TEST(Ik, LeavesThePoseWhereATargetIsNoPlace) {
     const Pose huge =
         solveIk(skeleton(), from, std::vector<IkTarget>{{joint::kLeftWrist, {1e300, 0, 1e300}}});
     EXPECT_TRUE(isFinite(huge));
-}
-
-TEST(Ik, IsFast) {
-    std::mt19937 random(12);
-    using Clock = std::chrono::steady_clock;
-    for (size_t joint : {joint::kLeftWrist, joint::kLeftAnkle, joint::kHead, joint::kPelvis}) {
-        for (bool pinned : {false, true}) {
-            std::vector<double> times;
-            Pose pose = standing();
-            const Pose began = pose;
-            std::vector<IkTarget> targets;
-            if (pinned) {
-                const PosedSkeleton posed = forwardKinematics(skeleton(), pose);
-                for (size_t pin : {joint::kLeftAnkle, joint::kRightAnkle, joint::kRightWrist})
-                    if (pin != joint) targets.push_back(pinnedAt(posed, pin));
-            }
-            targets.push_back({joint, placeOf(pose, joint)});
-            for (int i = 0; i < 400; ++i) {
-                targets.back().position += .01 * direction(random);
-                const auto begin = Clock::now();
-                pose = solveIk(skeleton(), pose, targets, {.began = &began});
-                times.push_back(
-                    std::chrono::duration<double, std::milli>(Clock::now() - begin).count());
-            }
-            std::sort(times.begin(), times.end());
-            // A tenth of a millisecond for a target, one with three pins, on a laptop's core; this
-            // leaves room for sanitizers and for machines that do other things.
-            RecordProperty(fmt::format("{}{}_ms", jointName(joint), pinned ? "_pinned" : ""),
-                           fmt::format("{:.3f}", times[times.size() / 2]));
-            EXPECT_LT(times[times.size() / 2], pinned ? 30 : 8) << jointName(joint);
-        }
-    }
 }
 
 }  // namespace

@@ -1,7 +1,6 @@
 #include "viewer/live_avatar.h"
 
 #include "engine/error.h"
-#include "trainer/stages/train.h"
 
 namespace doppel {
 namespace fs = std::filesystem;

@@ -36,7 +36,7 @@ std::optional<Painter::Painting> Painter::take() {
 
 bool Painter::busy() {
     std::lock_guard lock(mutex_);
-    return wish_.has_value() || working_;
+    return wish_ || working_ || painting_ || failure_;
 }
 
 void Painter::work() {

@@ -38,7 +38,7 @@ public:
     void ask(TextureKind kind, std::vector<float> verts, uint64_t version);
     // The newest painting that was not taken yet. Throws what went wrong in the thread.
     std::optional<Painting> take();
-    // Whether a wish waits or is being painted.
+    // Whether a wish waits, is being painted, or has a painting that was not taken.
     bool busy();
 
 private:

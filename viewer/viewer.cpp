@@ -19,14 +19,9 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr double kSettleSeconds = 0.15;  // without input, before pictures are made finer
-constexpr double kFastPainter = 0.015;   // seconds; a slower one waits until the mouse rests
 
 double milliseconds(std::chrono::steady_clock::duration passed) {
     return std::chrono::duration<double, std::milli>(passed).count();
-}
-
-uint32_t packed(const std::array<uint8_t, 3>& rgb) {
-    return uint32_t{rgb[0]} | uint32_t{rgb[1]} << 8 | uint32_t{rgb[2]} << 16 | 0xff000000u;
 }
 
 }  // namespace
@@ -47,12 +42,12 @@ struct Viewer::FilmJob {
     bool asked = false;  // for the texture of the next frame
 };
 
-Viewer::Viewer(const ViewOptions& options)
+Viewer::Viewer(const ViewerOptions& options)
     : options_(options),
       source_(options.avatar),
       avatar_(source_.load()),  // before a window opens for one that is not there
       window_({"Doppel", options.width, options.height, {}}),
-      device_(options.common.deviceOptions()) {
+      device_(options.device) {
     useAvatar(avatar_);
     settings_.texture = bestTexture();
     if (!avatar_->textured) settings_.paint = kPaintClay;
@@ -74,8 +69,7 @@ void Viewer::useAvatar(std::shared_ptr<LoadedAvatar> avatar) {
     avatar_ = std::move(avatar);
     const Avatar& now = avatar_->avatar;
     scene_ = std::make_unique<Scene>(device_, now);
-    painter_ = std::make_unique<Painter>(now, options_.common.deviceOptions(),
-                                         [] { glfwPostEmptyEvent(); });
+    painter_ = std::make_unique<Painter>(now, options_.device, [] { glfwPostEmptyEvent(); });
     // Until the networks have painted the view: what comes closest.
     const std::vector<float>& baked = now.bakedTexture.empty() ? now.texture : now.bakedTexture;
     textures_ = {{TextureKind::Coarse, now.texture},
@@ -148,20 +142,16 @@ bool Viewer::frame() {
     double wait = rests || painter_->busy() ? 0.25 : interacting() && !playing_ ? 0.02 : 0;
     if (framesToDraw_ > 0 || playing_ || working()) wait = 0;
     if (!drawable_) wait = working() ? 0.01 : 0.25;
-    auto before = Clock::now();
     drawable_ = window_.begin(wait);
-    bool woken = wait > 0 && Clock::now() - before < std::chrono::duration<double>(wait * 0.98);
     if (window_.closed()) return false;
     reloadIfChanged();
     advanceTimeline();
     if (working()) attempt([&] { advanceJobs(); });
     if (!drawable_) return true;
-    if (woken) framesToDraw_ = 3;  // ImGui answers some events a frame later
-    if (rests && settled()) {
-        window_.skip();
-        return true;
-    }
+    if (window_.touched()) framesToDraw_ = 3;  // ImGui answers some events a frame later
+    if (rests && settled()) return true;
 
+    window_.beginFrame();
     attempt([&] {
         for (const fs::path& path : window_.dropped()) openDropped(path);
         handleKeys();
@@ -336,205 +326,6 @@ Motion Viewer::shownMotion() const {
     return motion;
 }
 
-// ---- pictures -----------------------------------------------------------------------------------
-
-void Viewer::layOut() {
-    double scale = window_.scale();
-    int width = window_.width(), height = window_.height();
-    if (settings_.panel) width -= static_cast<int>(kPanelWidth * scale);
-    height -= static_cast<int>(kTimelineHeight * scale);
-    panes_.clear();
-    if (width < 16 || height < 16) return;
-    Pane whole{0, 0, width, height, settings_.mesh, settings_.texture};
-    if (settings_.split == Split::None) {
-        panes_ = {whole};
-        return;
-    }
-    Pane left = whole, right = whole;
-    left.width = width / 2;
-    right.x = left.width;
-    right.width = width - left.width;
-    if (settings_.split == Split::Meshes) {
-        left.mesh = MeshKind::Body;
-        right.mesh = MeshKind::Refined;
-    } else {
-        left.texture = TextureKind::Coarse;
-        right.texture = bestTexture();
-    }
-    panes_ = {left, right};
-}
-
-ViewTransform Viewer::view() const {
-    return settings_.captureCamera ? ViewTransform{} : orbit_.view();
-}
-
-Camera Viewer::cameraOf(const Pane& pane) const {
-    if (!settings_.captureCamera || !motion_ || motion_->cameras.empty())
-        return orbit_.camera(pane.width, pane.height);
-    auto i = static_cast<size_t>(
-        std::clamp<int64_t>(static_cast<int64_t>(timeline_), 0, frameCount() - 1));
-    // The whole frame, as large as the pane allows.
-    const Camera& own = motion_->cameras[i];
-    double scale = std::min(static_cast<double>(pane.width) / own.width,
-                            static_cast<double>(pane.height) / own.height);
-    return {own.fx * scale,
-            own.fy * scale,
-            own.cx * scale + (pane.width - own.width * scale) / 2,
-            own.cy * scale + (pane.height - own.height * scale) / 2,
-            pane.width,
-            pane.height};
-}
-
-const Skeleton& Viewer::skeleton() const {
-    if (skeletonBetas_ != editor_->betas()) {
-        skeletonBetas_ = editor_->betas();
-        skeleton_ = skeletonOf(avatar_->avatar.body, *skeletonBetas_);
-    }
-    return skeleton_;
-}
-
-PosedSkeleton Viewer::posed() const { return forwardKinematics(skeleton(), editor_->pose()); }
-
-glm::dvec3 Viewer::jointOnScreen(size_t joint) const {
-    if (panes_.empty()) return {};
-    const Pane& pane = panes_.back();
-    glm::dvec3 at = projected(posed().position[joint], view(), cameraOf(pane));
-    double scale = window_.scale();
-    return {(at.x + pane.x) / scale, (at.y + pane.y) / scale, at.z};
-}
-
-std::span<const uint32_t> Viewer::backgroundOf(const Pane& pane) {
-    bool frames = settings_.backdrop == Backdrop::Capture && capture_ && settings_.captureCamera;
-    bool picture = settings_.backdrop == Backdrop::Picture && !backdropPicture_.empty();
-    std::array<uint8_t, 3> colour{};
-    for (size_t c = 0; c < 3; ++c)
-        colour[c] =
-            static_cast<uint8_t>(std::lround(255 * std::clamp(settings_.colour[c], 0.0f, 1.0f)));
-    int64_t frame =
-        frames ? std::clamp<int64_t>(static_cast<int64_t>(timeline_), 0, frameCount() - 1) : -1;
-    std::array<int64_t, 5> key{pane.width, pane.height, frame, int64_t{packed(colour)},
-                               picture ? static_cast<int64_t>(backdropVersion_) : -1};
-    if (key == backgroundKey_) return background_;
-    backgroundKey_ = key;
-    background_.assign(static_cast<size_t>(pane.width) * static_cast<size_t>(pane.height),
-                       packed(colour));
-    auto place = [&](const Image& image, int left, int top) {
-        for (int y = std::max(0, top); y < std::min(pane.height, top + image.height); ++y)
-            for (int x = std::max(0, left); x < std::min(pane.width, left + image.width); ++x) {
-                const uint8_t* rgb = image.pixel(x - left, y - top);
-                background_[static_cast<size_t>(y) * static_cast<size_t>(pane.width) +
-                            static_cast<size_t>(x)] = packed({rgb[0], rgb[1], rgb[2]});
-            }
-    };
-    if (frames) {
-        std::shared_ptr<const Picture> own = captureFrames_->load(static_cast<size_t>(frame));
-        Image image(own->width, own->height, 3);
-        image.data = own->rgb;
-        double scale = std::min(static_cast<double>(pane.width) / own->width,
-                                static_cast<double>(pane.height) / own->height);
-        int width = std::max(1, static_cast<int>(std::lround(own->width * scale)));
-        int height = std::max(1, static_cast<int>(std::lround(own->height * scale)));
-        place(resize(image, width, height),
-              static_cast<int>(std::lround((pane.width - own->width * scale) / 2)),
-              static_cast<int>(std::lround((pane.height - own->height * scale) / 2)));
-    } else if (picture) {
-        // It covers the pane.
-        double scale = std::max(static_cast<double>(pane.width) / backdropPicture_.width,
-                                static_cast<double>(pane.height) / backdropPicture_.height);
-        int width = std::max(pane.width, static_cast<int>(backdropPicture_.width * scale));
-        int height = std::max(pane.height, static_cast<int>(backdropPicture_.height * scale));
-        place(resize(backdropPicture_, width, height), (pane.width - width) / 2,
-              (pane.height - height) / 2);
-    }
-    return background_;
-}
-
-ShadeOptions Viewer::shadeOptions(const Pane& pane) const {
-    ShadeOptions shade;
-    shade.paint = settings_.paint;
-    shade.lit = settings_.lit;
-    shade.wireframe = settings_.wireframe;
-    double level = std::cos(settings_.lightPitch);
-    shade.light = {level * std::sin(settings_.lightYaw), -std::sin(settings_.lightPitch),
-                   -level * std::cos(settings_.lightYaw)};
-    shade.ambient = settings_.ambient;
-    shade.inset = settings_.atlas ? std::min(pane.width, pane.height) / 3 : 0;
-    shade.blueFirst = window_.blueFirst();
-    return shade;
-}
-
-Viewer::Shown Viewer::wanted() const {
-    ViewTransform from = view();
-    // Finer once the mouse rests.
-    return {editor_->pose(),  editor_->betas(),     settings_, from.rotation,
-            from.translation, cameraOf(panes_[0]),  panes_,    textureVersion_,
-            backdropVersion_, interacting() ? 1 : 2};
-}
-
-void Viewer::updatePictures() {
-    if (panes_.empty()) {
-        shown_.reset();
-        return;
-    }
-    Shown now = wanted();
-    bool sameView = shown_ && shown_->pose == now.pose && shown_->betas == now.betas &&
-                    shown_->rotation == now.rotation && shown_->translation == now.translation &&
-                    shown_->camera == now.camera && shown_->panes == now.panes;
-    if (!sameView) ++viewVersion_;
-    if (shown_) {
-        Shown before = *shown_;
-        before.samples = now.samples;
-        if (before == now && shown_->samples >= now.samples) return;
-    }
-
-    auto before = Clock::now();
-    scene_->setPose(thetaOf(now.pose), transOf(now.pose), now.betas);
-    pixels_.resize(panes_.size());
-    for (size_t i = 0; i < panes_.size(); ++i) scene_->prepare(panes_[i].mesh);
-    times_.pose = milliseconds(Clock::now() - before);
-    before = Clock::now();
-    for (size_t i = 0; i < panes_.size(); ++i) {
-        const Pane& pane = panes_[i];
-        useTexture(pane.texture);
-        pixels_[i] = scene_->draw(pane.mesh, cameraOf(pane), view(), shadeOptions(pane),
-                                  backgroundOf(pane), now.samples, std::move(pixels_[i]));
-    }
-    times_.draw = milliseconds(Clock::now() - before);
-    shown_ = std::move(now);
-    ++pictures_;
-    framesToDraw_ = std::max(framesToDraw_, 1);
-}
-
-// Gives the scene this texture, unless it has it.
-void Viewer::useTexture(TextureKind kind) {
-    std::pair wanted{kind, textureVersion_};
-    if (sceneTexture_ == wanted) return;
-    scene_->setTexture(textures_.at(kind));
-    sceneTexture_ = wanted;
-}
-
-// Takes what the painter has finished, and asks for what the view lacks.
-void Viewer::updateTextures() {
-    if (std::optional<Painter::Painting> done = painter_->take()) {
-        textures_[done->kind] = std::move(done->texture);
-        painted_[done->kind] = done->version;
-        // The first one pays for the pipelines.
-        paintSeconds_ = std::min(done->seconds, 2 * paintSeconds_);
-        times_.paint = 1e3 * done->seconds;
-        ++textureVersion_;
-        framesToDraw_ = std::max(framesToDraw_, 1);
-    }
-    if (film_ || panes_.empty() || painter_->busy() || !shown_) return;
-    if (interacting() && paintSeconds_ > kFastPainter) return;
-    for (const Pane& pane : panes_) {
-        if (!paintsViews(pane.texture) || settings_.paint != kPaintTexture) continue;
-        auto painted = painted_.find(pane.texture);
-        if (painted != painted_.end() && painted->second == viewVersion_) continue;
-        painter_->ask(pane.texture, scene_->vertices(pane.mesh, view()), viewVersion_);
-        return;
-    }
-}
-
 // ---- files --------------------------------------------------------------------------------------
 
 fs::path Viewer::freeName(const std::string& stem, const std::string& extension) const {
@@ -603,8 +394,8 @@ void Viewer::startExport(const fs::path& out) {
     TextureKind kind =
         settings_.texture == TextureKind::Coarse ? TextureKind::Coarse : TextureKind::Best;
     export_->done = std::async(
-        std::launch::async, [device = options_.common.deviceOptions(), avatar = std::move(avatar),
-                             out, motion = shownMotion(), kind] {
+        std::launch::async,
+        [device = options_.device, avatar = std::move(avatar), out, motion = shownMotion(), kind] {
             Device exporting(device);
             exportAvatar(exporting, avatar, out, &motion, kind);
             glfwPostEmptyEvent();

@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
+#include "engine/device.h"
 #include "engine/io/image.h"
-#include "trainer/commands/commands.h"
 #include "viewer/ik.h"
 #include "viewer/live_avatar.h"
 #include "viewer/orbit_camera.h"
@@ -22,6 +22,16 @@
 #include "viewer/window.h"
 
 namespace doppel {
+
+// What a viewer begins with.
+struct ViewerOptions {
+    DeviceOptions device;  // that computes the pictures
+    std::filesystem::path avatar;
+    std::filesystem::path motion;    // a capture, poses.npz or .bvh; may be empty
+    std::filesystem::path pose;      // a pose's JSON to begin with; may be empty
+    std::string frames;              // of the motion: selectFrames; empty: all
+    int width = 1280, height = 800;  // of the window
+};
 
 // What is compared side by side: to the left what is named first.
 enum class Split { None, Meshes, Textures };  // body and refined; coarse and refined
@@ -61,12 +71,12 @@ public:
 
     // InputError for what the options name and is not there or not right; MachineError where no
     // window can be opened.
-    explicit Viewer(const ViewOptions& options);
+    explicit Viewer(const ViewerOptions& options);
     ~Viewer();
 
     // One turn: events in, picture out; waits for events where there is nothing to do. False once
-    // the window is closed. Mistakes of the user, and files
-    // that cannot be written, are said in the window; a device that fails is a MachineError.
+    // the window is closed. Mistakes of the user, and files that cannot be written, are said in the
+    // window; a device that fails is a MachineError.
     bool frame();
     // Until the window is closed. Where the machine fails the pose is saved, and the message says
     // where. each: called before every turn.
@@ -130,21 +140,12 @@ private:
     void reloadIfChanged();
     void advanceTimeline();
     void showTime();
-    void layOut();
-    Shown wanted() const;
-    void updatePictures();
     bool messageVisible() const;
-    void updateTextures();
-    void useTexture(TextureKind kind);
     TextureKind bestTexture() const;
     bool paintsViews(TextureKind kind) const;
-    ViewTransform view() const;
-    Camera cameraOf(const Pane& pane) const;
-    std::span<const uint32_t> backgroundOf(const Pane& pane);
     void advanceJobs();
     void advanceFilm();
     void openDropped(const std::filesystem::path& path);
-    ShadeOptions shadeOptions(const Pane& pane) const;
     double fps() const;
     bool hasKeys() const;
     double lastKey() const;
@@ -154,6 +155,17 @@ private:
     bool interacting() const;
     Motion shownMotion() const;
     std::filesystem::path freeName(const std::string& stem, const std::string& extension) const;
+
+    // pictures.cpp
+    void layOut();
+    ViewTransform view() const;
+    Camera cameraOf(const Pane& pane) const;
+    std::span<const uint32_t> backgroundOf(const Pane& pane);
+    ShadeOptions shadeOptions(const Pane& pane) const;
+    Shown wanted() const;
+    void updatePictures();
+    void useTexture(TextureKind kind);
+    void updateTextures();
 
     // interaction.cpp
     void handleKeys();
@@ -185,7 +197,7 @@ private:
     void drawShapeTab();
     void drawFilesTab();
 
-    ViewOptions options_;
+    ViewerOptions options_;
     LiveAvatar source_;
     std::shared_ptr<LoadedAvatar> avatar_;
     Window window_;

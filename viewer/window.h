@@ -1,8 +1,9 @@
-// A window: events, a swapchain, Dear ImGui, and pictures copied under it.
+// A window: events, and pictures with Dear ImGui over them.
 //
-// It presents with a Vulkan device of its own. The pictures come from the compute device by way of
-// the host, a megabyte or two per frame: so whatever happens to the window (another screen, a lost
-// swapchain) the networks do not notice, and the compute device needs no surface.
+// It presents with a Vulkan device of its own (viewer/swapchain.h). The pictures come from the
+// compute device by way of the host, a megabyte or two per frame, and there Dear ImGui is drawn
+// over them: so whatever happens to the window (another screen, a lost swapchain) the networks do
+// not notice, and the compute device needs no surface.
 #pragma once
 
 #include <cstdint>
@@ -11,6 +12,8 @@
 #include <span>
 #include <string>
 #include <vector>
+
+#include "viewer/canvas.h"
 
 namespace doppel {
 
@@ -33,32 +36,28 @@ struct WindowOptions {
 
 class Window {
 public:
-    // Mesa 25's lavapipe crashes when it compiles a fragment shader for vectors of 512 bits, which
-    // its compute shaders like best, and all of a process has the same. Where a folder "window"
-    // beside the manifest that VK_DRIVER_FILES names has another manifest, of a copy of the driver
-    // that keeps to 256 bits (scripts/setup makes one), that one draws the window. Without, the
-    // whole process goes back to them: so this comes before its first device.
-    static void avoidWideVectors();
-    // Calls that too. MachineError where there is no screen, or no device that can present on it.
+    // MachineError where there is no screen, or no device that can present on it.
     explicit Window(const WindowOptions& options);
     ~Window();
     Window(const Window&) = delete;
     Window& operator=(const Window&) = delete;
 
-    // Takes events, at most `seconds` waiting for one; 0 does not wait. Then a frame of ImGui has
-    // begun, unless there is nothing to draw on (minimised, or no size): then false.
+    // Takes events, at most `seconds` waiting for one; 0 does not wait. False where there is
+    // nothing to draw on (minimised, or no size).
     bool begin(double seconds);
+    // Begins a frame of Dear ImGui, which end() draws. Each has all that the interface shows: Dear
+    // ImGui takes what is left out for closed, with the button that is held and the field that is
+    // typed into. Where the screen is to stay as it is, there is no frame.
+    void beginFrame();
     // Draws the pictures and ImGui over them. One frame is on its way at most, so what is drawn is
-    // on the screen one frame after the events that it answers. A thread presents it: a CPU takes
-    // milliseconds for that, in which the next frame begins. What goes wrong there, shows here the
-    // next time.
+    // on the screen one frame after the events that it answers. What goes wrong on that way, shows
+    // here the next time.
     void end(std::span<const PlacedPicture> pictures);
-
-    // Instead of end(): the screen stays as it is.
-    void skip();
 
     bool closed() const;
     void close();
+    // Whether the last begin() took an event that the interface may answer.
+    bool touched() const;
     // Framebuffer pixels as of the last begin(); 0 while minimised.
     int width() const;
     int height() const;
@@ -76,6 +75,8 @@ public:
     const std::string& deviceName() const;
     // How often the swapchain was made anew.
     int swapchainCount() const;
+    // The whole window as end() drew it last, which the screen shows a moment later.
+    const Canvas& drawn() const;
     // The next frame finds its swapchain lost, as when a screen is unplugged; for tests.
     void loseSwapchain();
 

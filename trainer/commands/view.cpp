@@ -3,6 +3,15 @@
 
 namespace doppel {
 
-void runView(const ViewOptions& options) { Viewer(options).run(); }
+void runView(const ViewOptions& options) {
+    Viewer({.device = options.common.deviceOptions(),
+            .avatar = options.avatar,
+            .motion = options.motion,
+            .pose = options.pose,
+            .frames = options.frames,
+            .width = options.width,
+            .height = options.height})
+        .run();
+}
 
 }  // namespace doppel

@@ -1,0 +1,178 @@
+// Dear ImGui's triangles, drawn by the host.
+#include "viewer/canvas.h"
+
+#include <gtest/gtest.h>
+#include <imgui/imgui.h>
+
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <random>
+#include <vector>
+
+namespace doppel {
+namespace {
+
+constexpr uint32_t kBackground = 0xff404040, kHalfRed = 0x800000ff, kHalfRedOver = 0xff2020a0;
+const ImVec2 kCovered{0.125f, 0.5f};  // in the atlas
+
+// Four texels beside each other, the first two covered, two rows.
+const std::vector<uint8_t> kTexels{255, 255, 0, 100, 255, 255, 0, 100};
+const FontAtlas kFont{4, 2, kTexels.data()};
+
+class CanvasTest : public testing::Test {
+protected:
+    CanvasTest() : list_(nullptr), pixels_(kWidth * kHeight, kBackground) {}
+
+    void vertex(float x, float y, ImU32 colour, ImVec2 uv = kCovered) {
+        list_.VtxBuffer.push_back({{x, y}, uv, colour});
+    }
+    void indices(std::initializer_list<ImDrawIdx> values) {
+        for (ImDrawIdx value : values) list_.IdxBuffer.push_back(value);
+    }
+    void draw(ImVec4 clip = {0, 0, kWidth, kHeight}, bool blueFirst = false, float scale = 1) {
+        ImDrawCmd command{};
+        command.ClipRect = clip;
+        command.ElemCount = static_cast<unsigned>(list_.IdxBuffer.Size);
+        list_.CmdBuffer.push_back(command);
+        ImDrawList* lists[] = {&list_};
+        ImDrawData data;
+        data.CmdLists = lists;
+        data.CmdListsCount = 1;
+        data.FramebufferScale = {scale, scale};
+        drawInterface(data, kFont, {kWidth, kHeight, blueFirst, pixels_});
+        list_.VtxBuffer.clear();
+        list_.IdxBuffer.clear();
+        list_.CmdBuffer.clear();
+    }
+    // As Dear ImGui makes it, or as two triangles that are not known for a rectangle.
+    void rectangle(ImVec2 a, ImVec2 c, ImU32 colour, ImVec2 uvA, ImVec2 uvC, bool whole = true) {
+        vertex(a.x, a.y, colour, uvA);
+        vertex(c.x, a.y, colour, {uvC.x, uvA.y});
+        vertex(c.x, c.y, colour, uvC);
+        vertex(a.x, c.y, colour, {uvA.x, uvC.y});
+        if (whole)
+            indices({0, 1, 2, 0, 2, 3});
+        else
+            indices({1, 2, 0, 2, 3, 0});
+    }
+    uint32_t at(int x, int y) const { return pixels_[static_cast<size_t>(y * kWidth + x)]; }
+
+    static constexpr int kWidth = 64, kHeight = 48;
+    ImDrawList list_;
+    std::vector<uint32_t> pixels_;
+};
+
+TEST_F(CanvasTest, TrianglesThatShareEdgesCoverEachPixelOnce) {
+    std::mt19937 random(7);
+    std::uniform_real_distribution<float> shift(-3, 3);
+    for (int round = 0; round < 50; ++round) {
+        std::ranges::fill(pixels_, kBackground);
+        constexpr int kCorners = 9;
+        float radius = 18 + shift(random);
+        // Corners on pixels' centres, too.
+        ImVec2 centre =
+            round % 2 ? ImVec2{32.5f, 24.5f} : ImVec2{32 + shift(random), 24 + shift(random)};
+        vertex(centre.x, centre.y, kHalfRed);
+        for (int i = 0; i < kCorners; ++i) {
+            float angle = 2 * std::numbers::pi_v<float> * static_cast<float>(i) / kCorners;
+            vertex(centre.x + radius * std::cos(angle), centre.y + radius * std::sin(angle),
+                   kHalfRed);
+        }
+        for (int i = 0; i < kCorners; ++i) {
+            auto here = static_cast<ImDrawIdx>(1 + i),
+                 next = static_cast<ImDrawIdx>(1 + (i + 1) % kCorners);
+            if (i % 2)  // either way round
+                indices({0, here, next});
+            else
+                indices({0, next, here});
+        }
+        draw();
+        int covered = 0;
+        for (uint32_t pixel : pixels_) {
+            ASSERT_TRUE(pixel == kBackground || pixel == kHalfRedOver) << std::hex << pixel;
+            covered += pixel != kBackground;
+        }
+        double angle = 2 * std::numbers::pi / kCorners;
+        EXPECT_NEAR(covered, kCorners * radius * radius * std::sin(angle) / 2, 12);
+    }
+}
+
+TEST_F(CanvasTest, ARectangleIsItsTwoTriangles) {
+    for (bool textured : {false, true})
+        for (float shift : {0.0f, 0.3f, 0.5f, 0.77f}) {
+            ImVec2 from = textured ? ImVec2{0, 0} : kCovered, to = textured ? ImVec2{1, 1} : from;
+            std::vector<std::vector<uint32_t>> both;
+            for (bool whole : {false, true}) {
+                std::ranges::fill(pixels_, kBackground);
+                rectangle({5 + shift, 6 + shift}, {38, 20 + 2 * shift}, 0xc010f080, from, to,
+                          whole);
+                draw();
+                both.push_back(pixels_);
+            }
+            for (size_t i = 0; i < pixels_.size(); ++i)
+                for (int byte = 0; byte < 4; ++byte)
+                    EXPECT_NEAR(static_cast<int>(both[0][i] >> 8 * byte & 255),
+                                static_cast<int>(both[1][i] >> 8 * byte & 255), textured ? 2 : 0)
+                        << i << " " << shift;
+            EXPECT_NE(both[0], std::vector<uint32_t>(pixels_.size(), kBackground));
+        }
+}
+
+TEST_F(CanvasTest, TexelsAreCoverage) {
+    rectangle({10, 10}, {14, 12}, 0xffffffff, {0, 0}, {1, 1});
+    draw();
+    for (int y : {10, 11}) {
+        EXPECT_EQ(at(9, y), kBackground);
+        EXPECT_EQ(at(10, y), 0xffffffff);
+        EXPECT_EQ(at(11, y), 0xffffffff);
+        EXPECT_EQ(at(12, y), kBackground);
+        EXPECT_EQ(at(13, y), 0xff8b8b8b);  // 64 + 191 * 100 / 255
+        EXPECT_EQ(at(14, y), kBackground);
+    }
+    EXPECT_EQ(at(10, 9), kBackground);
+    EXPECT_EQ(at(10, 12), kBackground);
+    // Between two texels their mean.
+    std::ranges::fill(pixels_, 0xff000000);
+    rectangle({10, 10}, {11, 11}, 0xffffffff, {0.5f - 0.125f, 0}, {0.5f + 0.125f, 1});
+    draw();
+    EXPECT_EQ(at(10, 10), 0xff808080);
+}
+
+TEST_F(CanvasTest, ClipsScalesAndKnowsTheOrderOfColours) {
+    rectangle({2, 3}, {20, 21}, 0xff0000ff, kCovered, kCovered);
+    draw({10, 10, 30, 12}, true, 2);
+    for (int y = 0; y < kHeight; ++y)
+        for (int x = 0; x < kWidth; ++x)
+            EXPECT_EQ(at(x, y), x >= 20 && x < 40 && y >= 20 && y < 24 ? 0xffff0000 : kBackground);
+}
+
+TEST_F(CanvasTest, ColoursRunEvenlyBetweenCorners) {
+    std::ranges::fill(pixels_, 0xff000000);
+    vertex(0, 0, 0x00ffffff);
+    vertex(51, 0, 0xffffffff);
+    vertex(51, 40, 0xffffffff);
+    vertex(0, 40, 0x00ffffff);
+    indices({0, 1, 2, 0, 2, 3});
+    draw();
+    for (int x = 0; x < 51; ++x)
+        EXPECT_NEAR(static_cast<int>(at(x, 20) & 255), 5 * x + 2.5, 1) << x;
+}
+
+TEST_F(CanvasTest, SurvivesWhatIsFarAwayOrNowhere) {
+    constexpr float kInfinite = std::numeric_limits<float>::infinity();
+    for (float far : {1e5f, 1e12f, 3e38f, kInfinite, std::nanf("")}) {
+        vertex(-far, -far, kHalfRed);
+        vertex(far, -far, kHalfRed);
+        vertex(0, far, kHalfRed);
+        indices({0, 1, 2});
+        draw();
+    }
+    rectangle({-1e30f, -1e30f}, {1e30f, 1e30f}, 0xff0000ff, kCovered, kCovered);
+    draw();
+    EXPECT_EQ(at(0, 0), 0xff0000ff);
+    EXPECT_EQ(at(kWidth - 1, kHeight - 1), 0xff0000ff);
+}
+
+}  // namespace
+}  // namespace doppel

@@ -1,0 +1,95 @@
+// Brings pictures in memory onto a window's surface: a Vulkan device that copies and presents.
+//
+// It draws nothing, so no shader is compiled: Mesa 25's lavapipe crashes when it compiles fragment
+// shaders for vectors of 512 bits, which the networks like best.
+#pragma once
+
+#include <functional>
+#include <future>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "engine/vulkan.h"
+#include "viewer/canvas.h"
+
+namespace doppel {
+
+// What it asks of the window.
+struct SurfaceSource {
+    std::span<const char* const> extensions;  // of the instance
+    std::function<VkResult(VkInstance, VkSurfaceKHR*)> makeSurface;
+    std::function<VkExtent2D()> size;  // framebuffer pixels; 0 where it has none
+};
+
+class Swapchain {
+public:
+    // wanted: part of the name of the device that should present; empty: any. MachineError where
+    // none can.
+    Swapchain(SurfaceSource source, const std::string& wanted);
+    ~Swapchain();
+    Swapchain(const Swapchain&) = delete;
+    Swapchain& operator=(const Swapchain&) = delete;
+
+    // Where the next frame is to be drawn; what is there already is of another one. Waits for the
+    // frame before, and throws what went wrong with it. Without pixels where the window has none.
+    Canvas next();
+    // Brings that frame to the screen. A thread does it: a CPU takes milliseconds, in which the
+    // frame after begins.
+    void present();
+    // The frame that was presented last.
+    const Canvas& presented() const { return canvas_; }
+
+    bool blueFirst() const { return format_.format == VK_FORMAT_B8G8R8A8_UNORM; }
+    const std::string& deviceName() const { return deviceName_; }
+    // How often it was made anew.
+    int count() const { return count_; }
+    // The next frame makes it anew, for the window's size has changed.
+    void lose() { stale_ = true; }
+
+private:
+    void makeSurface();
+    void chooseDevice(const std::string& wanted);
+    void chooseFormat();
+    void makeDevice();
+    void make();
+    void drop();
+    bool acquire();
+    void reserve(VkDeviceSize bytes);
+    void release();
+    void waitForFrame();
+    VkResult submit();
+
+    SurfaceSource source_;
+    VkInstance instance_ = VK_NULL_HANDLE;
+    VkDebugUtilsMessengerEXT messenger_ = VK_NULL_HANDLE;
+    VkSurfaceKHR surface_ = VK_NULL_HANDLE;
+    VkPhysicalDevice physical_ = VK_NULL_HANDLE;
+    uint32_t family_ = 0;
+    std::string deviceName_;
+    VkDevice device_ = VK_NULL_HANDLE;
+    VkQueue queue_ = VK_NULL_HANDLE;
+    VkCommandPool pool_ = VK_NULL_HANDLE;
+    VkCommandBuffer commands_ = VK_NULL_HANDLE;
+    VkFence done_ = VK_NULL_HANDLE;
+    VkSemaphore acquired_ = VK_NULL_HANDLE;
+
+    VkSurfaceFormatKHR format_{};
+    VkSwapchainKHR swapchain_ = VK_NULL_HANDLE;
+    VkExtent2D extent_{};
+    std::vector<VkImage> images_;
+    std::vector<VkSemaphore> copied_;  // per image: what presenting it waits for
+    bool stale_ = true;                // it has to be made anew
+    int count_ = 0;
+
+    VkBuffer staging_ = VK_NULL_HANDLE;
+    VkDeviceMemory stagingMemory_ = VK_NULL_HANDLE;
+    VkDeviceSize stagingBytes_ = 0;
+    uint32_t* mapped_ = nullptr;
+    Canvas canvas_;
+
+    uint32_t image_ = 0;             // that is being presented
+    std::future<VkResult> sending_;  // of that image; it has the queue for itself till then
+};
+
+}  // namespace doppel
