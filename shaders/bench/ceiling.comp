@@ -1,3 +1,6 @@
+// The device's ceilings, to which the ops' figures are compared: y = sum of eight chains s = s a +
+// 1/2 of multiply-adds over x [n], four floats each (64 flops a round), and y = x, 32 bytes moved
+// each.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // The device's ceilings, to which the ops' figures are compared.

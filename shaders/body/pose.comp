@@ -1,3 +1,8 @@
+// The joints of a posed body: with R_j = exp(theta_j) by Rodrigues' formula (body/rotation.glsl)
+// and rest joints r_j, down the tree of parents p,
+//     world_j = world_p [R_j | r_j - r_p],    transform_j = world_j [I | -r_j],
+// and joint_j = the origin of world_j + trans. Loper and others, SMPL, ACM ToG 2015, equations 2 to
+// 4; features are R_j - I, what pose blend shapes multiply (equation 9). Angles in radians, metres.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

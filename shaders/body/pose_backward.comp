@@ -1,3 +1,7 @@
+// The gradient of body/pose.comp, where the formulas are: from those of the transforms, the joints
+// and the features R - I to those of theta [24,3] (radians), the rest joints and trans (m). Per joint
+//     dR_j = world_p^T d(world_j),    dr_j = world_p^T d(origin_j),
+// and a joint's frame gathers from its children: from the tips to the root, by one invocation.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
@@ -17,7 +21,6 @@ BUFFER(9, writeonly, vec3, dtheta);       // [24,3]
 BUFFER(10, readwrite, vec3, drest);       // [24,3]
 BUFFER(11, writeonly, vec3, dtrans);      // [3]
 
-// The joints again, from the tips to the root. One invocation.
 ENTRY(backward) {
     if (linearIndex() > 0) return;
     vec3 shift = dvertsSum.d[0];

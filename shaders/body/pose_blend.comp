@@ -1,3 +1,6 @@
+// Pose blend shapes, posed = shaped + poseDirections features with features = R - I of 23 joints
+// (Loper and others, SMPL, ACM ToG 2015, equation 9); backward sums dfeatures = poseDirections^T
+// dposed over a chunk of vertices, which linalg/sum.comp adds up. Metres.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
@@ -11,7 +14,7 @@ BUFFER(4, readonly, float, dposed);          // [V,3]
 BUFFER(5, writeonly, float, partial);        // [chunks,207] of dfeatures
 const int kFeatures = 207;
 
-// posed = shaped + poseDirections * features. One invocation per coordinate.
+// One invocation per coordinate.
 ENTRY(forward) {
     uint i = linearIndex();
     if (i >= 3 * params.vertices) return;

@@ -1,3 +1,6 @@
+// Joints in rest pose, rest = regressor shaped: each a weighted mean of a few vertices, the
+// regressor being kept as its numbers that are not zero, joint by joint (Loper and others, SMPL,
+// ACM ToG 2015, equation 10). Metres. Its gradient is part of body/shape.comp.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
@@ -9,7 +12,7 @@ BUFFER(2, readonly, int, jointVertices); // [n]
 BUFFER(3, readonly, float, shaped);      // [V,3]
 BUFFER(4, writeonly, float, rest);       // [24,3]
 
-// rest = regressor * shaped. One invocation per joint and coordinate.
+// One invocation per joint and coordinate.
 ENTRY(forward) {
     uint i = linearIndex();
     if (i >= 24 * 3) return;

@@ -1,3 +1,8 @@
+// A rigid motion about a pivot, y = R (v - pivot) + pivot + trans, R = exp(rotation) by Rodrigues'
+// formula (body/rotation.glsl): how vertices of the body's own frame come to camera space. With
+// sums over the vertices dR = sum dy (v - pivot)^T and s = sum dy:
+//     dv [V,3] = R^T dy,    drotation from dR,    dpivot = s - R^T s,    dtrans = s.
+// Radians, metres.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
@@ -19,7 +24,6 @@ BUFFER(10, writeonly, vec3, dpivot);   // [3]
 BUFFER(11, writeonly, vec3, dtrans);   // [3]
 LISTED_ROWS(12)
 
-// y = R (verts - pivot) + pivot + trans
 ENTRY(forward) {
     uint v = listedIndex();
     if (v >= params.vertices) return;

@@ -1,3 +1,8 @@
+// Shape blend shapes, shaped [V,3] = templateVerts + shapeDirections beta (Loper and others, SMPL,
+// ACM ToG 2015, equation 8). Backward: a vertex moves the skin directly, and through the joints
+// that regressor makes of it: dshaped = dposed + regressor^T drest, dbeta = shapeDirections^T
+// dshaped, summed over chunks of vertices, which linalg/sum.comp adds up. Metres; beta in standard
+// deviations.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
@@ -18,7 +23,6 @@ BUFFER(10, writeonly, float, partial);        // [chunks,10] of dbeta
 BUFFER(11, readonly, uint64_t, directionPairs); // shapeDirections, likewise
 const int kShapes = 10;
 
-// shaped = templateVerts + shapeDirections * beta
 ENTRY(forward) {
     uint v = linearIndex();
     if (v >= params.vertices) return;
@@ -34,7 +38,6 @@ ENTRY(forward) {
     shaped.d[v] = sum;
 }
 
-// A vertex moves the skin directly and through the joints that are regressed from it.
 ENTRY(backward) {
     uint v = linearIndex();
     if (v >= params.vertices) return;

@@ -1,3 +1,7 @@
+// Linear blend skinning, v = (sum over k of w_k T_j(k)) [posed; 1] + trans with K influences w_k of
+// joints j(k) per vertex, T_j their 3x4 transforms from body/pose.comp (Loper and others, SMPL, ACM
+// ToG 2015, equation 7). Backward: dposed = (sum of w_k R_j)^T dv, dT_j = sum of w_k dv [posed;
+// 1]^T, by chunks of a joint's entries and then over each joint's chunks. Metres.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
@@ -22,7 +26,6 @@ BUFFER(12, writeonly, vec4, dtransforms); // [24,3,4]
 BUFFER(13, readonly, uint64_t, transformPairs);  // the transforms, half a row at a time
 LISTED_ROWS(6)  // there is no place left but one that forward does not use
 
-// verts = sum of weight * transform, applied to posed, + trans
 ENTRY(forward) {
     uint v = listedIndex();
     if (v >= params.vertices) return;
@@ -53,7 +56,7 @@ ENTRY(backward) {
     dposed.d[v] = sum;
 }
 
-// dtransforms = sum over the joint's vertices of weight * dverts (posed, 1)^T: by chunks ...
+// dtransforms by chunks ...
 ENTRY(backward_chunks) {
     uint chunk = linearIndex();
     if (chunk >= params.chunks) return;

@@ -1,3 +1,8 @@
+// The transpose of conv/columns.comp: each pixel sums what the windows over it hold for it,
+//     image[n, channel, y, x] = bias[channel] + the sum over ky, kx of columns[(channel, ky, kx),
+//                               (n, (y + padding - ky) / stride, (x + padding - kx) / stride)],
+// of those windows that there are; so that image = columns(weight^T maps) is a transposed
+// convolution, or the gradient of a convolution's image. Columns lie row by row.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require

@@ -1,3 +1,5 @@
+// Feature maps of several images side by side, so that one product makes or reads all of them:
+// joined[feature, image, window] = maps[image, feature, window], and back.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

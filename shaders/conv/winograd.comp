@@ -1,3 +1,8 @@
+// Winograd's transforms of images and maps, for convolutions 4x4 of stride 2 and padding 1: B f of
+// the finer image, A c of the coarser one, and their transposes B^T and A^T (conv/winograd.glsl has
+// the algebra, the shapes and the source). A row of the finer image's matrices is a channel and a
+// phase, 4 channel + 2 py + px. An invocation makes two tiles side by side.
+// maps = A^T [(G weight) (B image)], summed over channels: matrices [kPoints^2, rows, tiles].
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require

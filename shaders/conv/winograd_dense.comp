@@ -1,3 +1,8 @@
+// Winograd's transforms of images and maps, for convolutions of stride 1: B f of the image, A c of
+// the maps, and A^T (conv/winograd.glsl has the algebra, the shapes and the source). The gradient
+// of the image is the convolution of the maps with the kernels turned by half a turn. An invocation
+// makes one tile.
+// maps = A^T [(G weight) (B image)], summed over channels: matrices [kPoints^2, rows, tiles].
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require

@@ -1,3 +1,6 @@
+// Winograd's transforms of weights of stride 1: G w, and of their gradients G^T s
+// (conv/winograd.glsl has the algebra, the shapes and the source).
+// Matrices u = G w [kPoints^2, rows, steps] of weights w [features, channels, taps, taps].
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require

@@ -1,3 +1,7 @@
+// Winograd's transforms of weights 4x4 of stride 2 and padding 1: G w, and of their gradients G^T s
+// (conv/winograd.glsl has the algebra, the shapes and the source). Both phases px of a kernel's row
+// are neighbours.
+// Matrices u = G w [kPoints^2, rows, steps] of weights w [features, channels, taps, taps].
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require

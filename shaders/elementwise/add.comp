@@ -1,3 +1,5 @@
+// y = a + b, and total += more, by which gradients of several users of a tensor are accumulated
+// (Graph::accumulateGradients). Any shape, n elements.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

@@ -1,3 +1,5 @@
+// Bounds what it is given, y = min(max(x, low), high), of any shape [n];
+// dx = dy where x is within [low, high], 0 elsewhere.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

@@ -1,3 +1,5 @@
+// Copies a part [outer, inner] to its columns of y [outer, innerAll], from column `start` on, or
+// the gradient of these back; with kRelu y = max(0, part), whose gradient is 0 where y is.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

@@ -1,3 +1,6 @@
+// y [n] = scale x where an element stays, 0 where it is dropped, scale = 1 / (1 - p) (Srivastava
+// and others, Dropout, JMLR 2014). Which ones: those whose random 32 bits, a hash of (seed, step,
+// stream, element), are below threshold = p 2^32. The gradient is the same map of dy.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
@@ -10,7 +13,6 @@ BUFFER(0, readonly, uint64_t, x);       // [n], in pairs; backward: dy
 BUFFER(1, writeonly, uint64_t, y);      // [n]; backward: dx
 BUFFER(2, readonly, StepParams, step);  // [1]
 
-// Its own gradient: the same elements are dropped, the others scaled.
 ENTRY(forward) {
     uint n = params.n, seed = step.d[0].seed, now = step.d[0].step;
     EACH_PAIR(i, n) {

@@ -1,3 +1,5 @@
+// y = x where x > 0, slope x elsewhere, slope >= 0 (0: ReLU); dx = dy or slope dy by the sign of y,
+// which is that of x, so that x need not be kept. Any shape.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
@@ -22,7 +24,6 @@ ENTRY(forward) {
     }
 }
 
-// The sign of y is that of x.
 ENTRY(backward) {
     uint n = params.n;
     float slope = params.slope;

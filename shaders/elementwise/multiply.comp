@@ -1,3 +1,5 @@
+// y = a b, element by element; its gradients are products as well, da = dy b and db = dy a. Any
+// shape.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
@@ -8,7 +10,6 @@ BUFFER(0, readonly, Block, a);   // [n], in pairs
 BUFFER(1, readonly, Block, b);   // [n]
 BUFFER(2, writeonly, uint64_t, y);  // [n]
 
-// Its gradients are products as well: da = dy b, db = dy a.
 ENTRY(forward) {
     uint n = params.n;
     EACH_PLACE(p, n)

@@ -1,3 +1,5 @@
+// An affine map of any shape [n], y = scale x + shift;
+// its gradient is dx = scale dy.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

@@ -1,3 +1,5 @@
+// The logistic function of any shape [n], y = 1 / (1 + exp(-x));
+// its gradient is dx = y (1 - y) dy.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

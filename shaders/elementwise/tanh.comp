@@ -1,3 +1,5 @@
+// The hyperbolic tangent of any shape [n], y = tanh x;
+// its gradient is dx = (1 - y^2) dy.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

@@ -1,9 +1,10 @@
+// y[n, p] = sum over c of weight_c (a_c / |a| - b_c / |b|)^2, a and b being the features of a
+// pixel, each scaled to unit length: Zhang et al., The Unreasonable Effectiveness of Deep Features
+// as a Perceptual Metric (CVPR 2018), equation 1, before the mean over the pixels. No gradient.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "features/params.h"
-// Zhang et al., The Unreasonable Effectiveness of Deep Features as a Perceptual Metric (CVPR 2018),
-// equation 1, before the mean over the pixels.
 PARAMS(FeatureDistanceParams, 4)
 BUFFER(0, readonly, float, a);       // [N, channels, pixels]
 BUFFER(1, readonly, float, b);       // [N, channels, pixels]

@@ -1,8 +1,9 @@
+// y = the greatest value that each window of kernel T x H x W sees of x, moved by strides in time
+// and space; what lies outside does not count. No gradient.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "features/params.h"
-// The greatest value that each window sees.
 PARAMS(MaxPoolParams, 2)
 BUFFER(0, readonly, float, x);   // [frames, channels, height, width]
 BUFFER(1, writeonly, float, y);  // [outFrames, channels, outHeight, outWidth]

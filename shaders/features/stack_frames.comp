@@ -1,9 +1,11 @@
+// What a window in time sees of every pixel, as channels, with a border of zeros:
+//     y[t, (c, k), row, column] = x[t strideT + k - paddingT, c, row - paddingH, column -
+//     paddingW],
+// so that a convolution of these images is one of the video. No gradient.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "features/params.h"
-// What a window in time sees of every pixel, as channels, with a border of zeros: a convolution of
-// these images is one of the video.
 PARAMS(StackFramesParams, 2)
 BUFFER(0, readonly, float, x);   // [frames, channels, height, width]
 BUFFER(1, writeonly, float, y);  // [outFrames, channels, kernelT, outHeight, outWidth]

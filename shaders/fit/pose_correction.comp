@@ -1,3 +1,6 @@
+// A frame's pose from where its fit starts and a learnt correction: theta = start[:72] + c[:72]
+// (axis-angle, radians), trans = start[72:] + transScale c[72:] (m). transScale lets one learning
+// rate serve both.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

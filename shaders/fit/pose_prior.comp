@@ -1,3 +1,8 @@
+// loss = sum of stay_i c_i^2 + smoothness sum of (c_i - (before_i + after_i) / 2)^2
+//        + shape sum of beta_k^2
+// over a frame's correction c [75] (24 axis-angle rotations in radians, a translation): the pose
+// stays near its start, stay being pose joint_weight for rotations and trans for the translation,
+// its correction bends little in time, and the shape is likely. Backward: to c and beta.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

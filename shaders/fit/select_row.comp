@@ -1,3 +1,5 @@
+// row = table[clamp(index[word] + offset, 0, rows - 1)]: this step's frame's row of a table, and
+// those of its neighbours. No gradient: the optimiser updates rows itself (optim/adamw.comp).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

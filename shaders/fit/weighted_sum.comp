@@ -1,3 +1,5 @@
+// loss = wA a + wB b + wC c + wD d of up to four scalar terms; backward gives one term's gradient,
+// wA dloss, wA being that term's weight.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

@@ -1,3 +1,6 @@
+// y[n, c] = the size x size pixels of x[n, c] around a centre (column and row in pixels, whose
+// centres are at a half), 0 outside the picture: the faces that discriminator D1 sees. Windows
+// start at a whole pixel, so that nothing is resampled; dx is dy put back.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

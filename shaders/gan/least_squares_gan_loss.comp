@@ -1,9 +1,11 @@
+// loss = mean over the logits of (x - label)^2, dx = 2 (x - label) dloss / n: Mao et al., Least
+// Squares Generative Adversarial Networks, ICCV 2017, equation 2 without its factor of a half.
+// label is 1 for "real", 0 for "fake".
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "gan/params.h"
 #include "loss/reduce.glsl"
-// mean (x - label)^2.
 PARAMS(GanLossParams, 4)
 BUFFER(0, readonly, float, x);       // [n] logits
 BUFFER(1, writeonly, float, loss);   // [1]

@@ -1,9 +1,11 @@
+// loss = mean over the logits of softplus(-x) where the label is 1 ("real"), of softplus(x) where
+// it is 0 ("fake"): -log D and -log(1 - D) with D = sigmoid(x), Goodfellow et al., Generative
+// Adversarial Nets, NIPS 2014, equation 1. dx = -sigmoid(-x), or sigmoid(x), times dloss / n.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "gan/params.h"
 #include "loss/reduce.glsl"
-// mean softplus(-x) where the label is 1, mean softplus(x) where it is 0.
 PARAMS(GanLossParams, 4)
 BUFFER(0, readonly, float, x);       // [n] logits
 BUFFER(1, writeonly, float, loss);   // [1]

@@ -1,3 +1,7 @@
+// region = a + b - 2 a b or a (1 - b): region C of Gomes et al., WACV 2022, section 3.3: where the
+// rendered silhouette a and the real one b differ, a + b - 2 a b, or, one-sided, what is rendered
+// but not real, a (1 - b); 0 within the face, faceSize pixels square around a centre. Pictures
+// [H,W] in [0,1]. No gradient.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

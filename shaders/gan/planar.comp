@@ -1,9 +1,11 @@
+// A picture with its channels side by side, [H,W,C], as planes [C,H,W], weighted by a mask [H,W]:
+// y[c, p] = mask[p] image[p, c], 0 where the mask is, whatever the picture holds there. Backward:
+// dImage[p, c] = mask[p] dy[c, p].
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "common/pairs.glsl"
 #include "gan/params.h"
-// A picture with its channels side by side as planes of one channel, weighted by a mask.
 PARAMS(PlanarParams, 10)
 BUFFER(0, readonly, float, image);         // [H,W,C]
 BUFFER(1, readonly, float, mask);          // [H,W]

@@ -1,3 +1,7 @@
+// C [m, n] = op(A) op(B) (+ bias) of up to four columns, for CPUs: each lane has rows of C of its
+// own, and values of B are loaded by one lane each and handed out, as in gemm.comp; sums are in its
+// order and have its bits. Matrices start at quads, and so do their rows. `columns` sums A's
+// columns as well, which are the gradient of a bias.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require

@@ -1,3 +1,5 @@
+// C = the sum of the parts into which a product's sums over k were cut (gemm.comp) (+ bias) (+ C),
+// or the positive part of it; the parts in order, for the same bits every run.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

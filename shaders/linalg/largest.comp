@@ -1,3 +1,5 @@
+// largest [1] = max |x|, for halfScale() (linalg/half_scale.glsl): a gradient is multiplied by that
+// before it is rounded to halves. An integer maximum of bits, in any order the same.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

@@ -1,3 +1,6 @@
+// y[o, p, i] = the sum of x[o, c, i] over the stretch p of the middle axis, c in order; with
+// kAccumulate added to what y holds. Stretches bound what one invocation adds up; a second dispatch
+// adds up their sums.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require

@@ -1,8 +1,9 @@
+// y = the greatest value of the 3x3 pixels around each, those outside being 0: a dilation by a
+// square. Pictures [N,H,W]. No gradient.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "loss/params.h"
-// Greatest value of the 3x3 pixels around each, those outside being 0.
 PARAMS(Dilate3Params, 2)
 BUFFER(0, readonly, float, x);   // [N,H,W]
 BUFFER(1, writeonly, float, y);  // [N,H,W]

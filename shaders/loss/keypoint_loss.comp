@@ -1,10 +1,15 @@
+// loss = sum c r^2 / (r^2 + scale^2) / sum c over joints [J,3]: the robust distance of Geman and
+// McClure (Statistical Methods for Tomographic Image Reconstruction, 1987) of projected joints from
+// keypoints, r in pixels, weighted with the keypoints' confidence c. With u = fx x / z + cx and v
+// alike,
+//     dr = dloss c / sum c 2 scale^2 / (r^2 + scale^2)^2 (u, v offset), taken back through the
+//     camera.
+// Joints in camera space (m). One workgroup: joints are few.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "loss/params.h"
 #include "loss/reduce.glsl"
-// sum c r^2 / (r^2 + scale^2) / sum c: Geman and McClure's robust distance of the projected joints
-// from the keypoints, weighted with their confidence. One workgroup: joints are few.
 PARAMS(KeypointLossParams, 7)
 BUFFER(0, readonly, float, joints);         // [J,3] camera space, m
 BUFFER(1, readonly, float, targets);        // [J,3] u, v (pixels), confidence

@@ -1,10 +1,12 @@
+// loss = sum |predicted - target| mask / sum mask: the mask counts pixels, the difference all
+// channels; L_pt of Gomes et al., WACV 2022, section 3.2. Backward: sign(predicted - target) mask /
+// sum mask. What the mask leaves out may be anything, a NaN too. Sums have a fixed order.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "common/pairs.glsl"
 #include "loss/params.h"
 #include "loss/reduce.glsl"
-// sum |predicted - target| mask / sum mask; the mask counts pixels, the difference all channels.
 PARAMS(MaskedL1LossParams, 12)
 BUFFER(0, readonly, float, predicted);         // [n,channels]
 BUFFER(1, readonly, float, target);            // [n,channels]

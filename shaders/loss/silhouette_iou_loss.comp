@@ -1,10 +1,13 @@
+// loss = 1 - sum p g / sum (p + g - p g): soft intersection over union of a silhouette p and a mask
+// g in [0,1], L_s of Gomes et al., WACV 2022, section 3.1. With intersection I and union U,
+//     dp = -dloss (g U - (1 - g) I) / U^2.
+// Sums have a fixed order; both empty gives 0.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "common/pairs.glsl"
 #include "loss/params.h"
 #include "loss/reduce.glsl"
-// 1 - sum p g / sum (p + g - p g)
 PARAMS(SilhouetteIouLossParams, 7)
 BUFFER(0, readonly, uint64_t, predicted);    // [n], in pairs
 BUFFER(1, readonly, uint64_t, target);       // [n], in pairs

@@ -1,11 +1,14 @@
+// ssim = structural similarity of a and b [H,W,C] in [0,1], the mean over all elements of
+//     (2 ma mb + C1) (2 sab + C2) / ((ma^2 + mb^2 + C1) (sa^2 + sb^2 + C2))
+// with means m, variances s^2 and covariance sab under an 11x11 Gaussian window of sigma 1.5, which
+// is separable; zero padding. Z. Wang et al., Image quality assessment: from error visibility to
+// structural similarity, 2004, equation 13. The pictures enter less a half, which changes no
+// variance and makes the differences of squares finer. Backward: to a.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "loss/params.h"
 #include "loss/reduce.glsl"
-// Z. Wang et al., Image quality assessment: from error visibility to structural similarity, 2004:
-// 11x11 Gaussian window, separable, zero padding. The pictures enter less a half, which changes no
-// variance and makes the differences of squares finer.
 PARAMS(SsimParams, 11)
 BUFFER(0, readonly, float, a);           // [H,W,C]
 BUFFER(1, readonly, float, b);           // [H,W,C]

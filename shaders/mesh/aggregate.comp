@@ -1,3 +1,6 @@
+// The gradient of a graph convolution's results, y_i = W0 x_i + b0 + sum over the neighbours j of
+// (W1 x_j + b1), spread over both products: dz_i = [dy_i | sum over the neighbours j of dy_j], for
+// neighbours are mutual. With kRelu dy counts where y > 0. mesh/graph_panels.comp is the way there.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

@@ -1,3 +1,8 @@
+// Normal consistency, the mean over the pairs of faces that share an edge of 1 - cos(n0, n1), the
+// pair being wound consistently: L_gn of Gomes et al., WACV 2022, section 3.1. Each face sums half
+// of its pairs' terms. With unit normal n and cross product c of a face, |c| its length,
+//     dc = -dloss scale (s - (s . n) n) / |c|,    s = the sum of the other faces' normals;
+// mesh/corner_gradient.comp takes dc to the vertices. Faces without an area: 1, no gradient.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

@@ -1,3 +1,7 @@
+// From the gradients of faces' cross products c = (b - a) x (d - a) = a x b + b x d + d x a to the
+// vertices: da = (b - d) x dc, gathered along each vertex's corners in their order. from_vertices
+// has them per vertex, for a face's cross product went into the sums of its three
+// (mesh/normals.comp).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
@@ -10,9 +14,6 @@ BUFFER(3, readonly, vec3, dvertexSums); // [V,3] gradient of the sum of cross pr
 BUFFER(4, readonly, vec3, dfaces);      // [F,3] gradient of a face's cross product
 BUFFER(5, writeonly, vec3, dverts);     // [V,3]
 
-// A face's cross product is a x b + b x c + c x a, so da = (b - c) x its gradient.
-
-// Every face's cross product went into the sums of its three vertices.
 ENTRY(from_vertices) {
     uint v = linearIndex();
     if (v >= params.n) return;

@@ -1,3 +1,8 @@
+// Uniform Laplacian, the mean over the vertices of |(mean of the neighbours) - v|, not squared:
+// L_gl of Gomes et al., WACV 2022, section 3.1. With u_i the direction over the number of
+// neighbours,
+//     dv_i = dloss scale (sum over the neighbours j of u_j - (their number) u_i).
+// Metres. A vertex without neighbours, or a length of 0, gives 0.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

@@ -1,3 +1,6 @@
+// Vertex normals n = s / max(|s|, epsilon), s = the sum over the faces at the vertex of the cross
+// products (v1 - v0) x (v2 - v0) (m^2), so that larger faces count for more. Backward:
+// ds = (dn - (n . dn) n) / |s|, which mesh/corner_gradient.comp takes to the vertices.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

@@ -1,3 +1,6 @@
+// y = verts + clamp(offset, -limit, limit), component by component: offsets bounded per body part,
+// K(v) of Gomes et al., WACV 2022, section 3.1. Metres. doffset = dy where |offset| < limit, else
+// 0.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

@@ -1,3 +1,6 @@
+// Both weights of a graph convolution as one matrix: wide [2H,O] = [W0, b0, zeros | W1, b1,
+// zeros]^T, the right side of mesh/graph_panels.comp's product, and weight [2O,row] = W0 above W1
+// with zeros behind, for the gradients; backward takes the gradient of weight apart again.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

@@ -1,3 +1,6 @@
+// Rows of features with a tail of three numbers and zeros behind: y = [x, tail, zeros], [V,row],
+// row a multiple of four. `append` writes what is behind features that are there already, `replace`
+// all of a row; backward takes dy apart.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require

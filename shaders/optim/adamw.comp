@@ -1,5 +1,9 @@
+// AdamW (Loshchilov and Hutter, Decoupled Weight Decay Regularization, ICLR 2019, algorithm 2), in
+// place, with g the gradient [n], r = rateScale learningRate and t the step:
+//     m = b1 m + (1 - b1) g,    v = b2 v + (1 - b2) g^2,
+//     x = (1 - r decay) x - r m / (1 - b1^t) / (sqrt(v / (1 - b2^t)) + epsilon).
+// `all` updates whole arrays, `row` a table's row of this step's frame.
 #version 460
-// AdamW (Loshchilov and Hutter, Decoupled Weight Decay Regularization, ICLR 2019), in place.
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "common/step_params.h"

@@ -1,3 +1,7 @@
+// g [n] = g min(1, maxNorm / (norm + 1e-6)), norm being the length of all of them as
+// one vector, as torch.nn.utils.clip_grad_norm_ does (Pascanu, Mikolov and Bengio, On the
+// difficulty of training recurrent neural networks, ICML 2013, section 3.2). linalg/sum.comp adds
+// up the parts.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
@@ -24,7 +28,6 @@ ENTRY(squares) {
     partial.d[i] = total.x + total.y;
 }
 
-// As torch.nn.utils.clip_grad_norm_ scales.
 ENTRY(scale) {
     float length = sqrt(squares.d[0]), factor = min(1, params.maxNorm / (length + 1e-6));
     if (linearIndex() == 0) norm.d[0] = length;

@@ -1,3 +1,7 @@
+// The pinhole camera, u = fx x / z + cx, v = fy y / z + cy, in pixels relative to the picture's
+// centre, where floats are finest (x right, y down, z forward, m). Vertices at z <= kNear get
+// 1/depth 0. Backward: the gradients of a vertex's corners, gathered in order, through
+//     dx = fx du / z,    dy = fy dv / z,    dz = -(dx x + dy y) / z.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

@@ -1,11 +1,12 @@
+// image = a textured picture, the mean of samples^2 samples per pixel: of the nearest face at each,
+// the texture at the perspective-correct UV, bilinear and clamped at the border. image [H,W,3],
+// coverage [H,W]. Only spans in which a face is seen are shaded. No gradient.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "common/pairs.glsl"
 #include "raster/params.h"
 #include "raster/triangle.glsl"
-// A textured picture of several samples per pixel, averaged; only spans in which a face is seen are
-// shaded.
 layout(constant_id = 1) const uint samples = 1;  // per pixel and axis
 layout(constant_id = 2) const uint keys = 0;     // 1: of two numbers each
 PARAMS(SampledRenderParams, 9)

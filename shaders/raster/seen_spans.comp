@@ -1,10 +1,11 @@
+// spans [1+n] = n, and the first pixels of the stretches of kSpan pixels, in reading order, in
+// which a face is seen at any sample: what is to be shaded. A CPU's vectors would walk through the
+// shading of all others too. The list's order depends on the moment; the picture does not.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #include "common/op.glsl"
 #include "raster/params.h"
-// The stretches of a picture in which a face is seen at any sample: what is to be shaded. A CPU's
-// vectors would walk through the shading of all others too.
 layout(constant_id = 1) const uint samples = 1;  // per pixel and axis
 layout(constant_id = 2) const uint keys = 0;     // 1: of two numbers each
 PARAMS(SeenSpansParams, 2)

@@ -1,9 +1,11 @@
+// The visibility buffer's pixels coloured from a texture: image = the texture at the UV of the
+// face's barycentrics, bilinear, clamped at the border. The gradient to the texels is summed in
+// 64-bit fixed point (two words of 32) whose unit follows from the largest upstream gradient: any
+// order, same bits.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "raster/params.h"
-// The visibility buffer's pixels coloured from a texture. The gradient to the texels is summed in
-// 64-bit fixed point whose unit follows from the largest upstream gradient: any order, same bits.
 PARAMS(TexturedRenderParams, 12)
 BUFFER(0, readonly, int, index);        // [H,W] face, -1: none
 BUFFER(1, readonly, vec4, surface);     // [H,W] barycentrics, depth

@@ -1,9 +1,11 @@
+// visibility = the visibility map of Gomes et al., WACV 2022, section 3.2: the UV atlas
+// [size,size], 1 in the texels of faces whose normal faces the camera, (c x (-a) > 0 for the cross
+// product c and a corner a), 0 elsewhere. Texel centres at a half, edges included. No gradient.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "raster/params.h"
 #include "raster/triangle.glsl"
-// Visibility map: the UV atlas drawn with the faces whose normal faces the camera.
 PARAMS(VisibilityMapParams, 6)
 BUFFER(0, readonly, ivec4, faces);      // [F] v0, v1, v2, unused
 BUFFER(1, readonly, float, verts);      // [V,3] camera space, m

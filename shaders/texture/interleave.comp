@@ -1,3 +1,5 @@
+// Planes [C,H,W] as a picture with its channels side by side, y[p, c] = x[c, p]; backward is the
+// transpose, dx[c, p] = dy[p, c].
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

@@ -1,3 +1,8 @@
+// The viewer's picture [H,W] from the nearest faces: painted, lit, over a background, packed to
+// bytes. colour = paint (ambient + (1 - ambient) max(n . light, 0)) in linear light, n the
+// interpolated normal; the mean of samples^2 samples per pixel. Only stretches of pixels are shaded
+// in which a face is seen (raster/seen_spans.comp), for a CPU's vectors would walk through the
+// shading of the others too.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
@@ -5,9 +10,6 @@
 #include "common/pairs.glsl"
 #include "raster/triangle.glsl"
 #include "view/params.h"
-// The viewer's picture from the nearest faces: painted, lit, over a background, packed to bytes.
-// Only stretches of pixels are shaded in which a face is seen, for a CPU's vectors would walk
-// through the shading of the others too.
 // What it paints is fixed in the pipeline: a CPU's vectors would walk through every branch.
 layout(constant_id = 1) const uint paint = kPaintTexture;
 layout(constant_id = 2) const uint lit = 0;        // 0: as it is painted
