@@ -132,7 +132,7 @@ RefineStep::RefineStep(Device& device, const BodyModel& body, const RefinePreset
                                                : logGanLoss(graph, logits, real);
     };
     struct Opponent {
-        std::string name;
+        const char* name;
         const PatchDiscriminator* net;
         Tensor fake, real;
     };
@@ -156,7 +156,7 @@ RefineStep::RefineStep(Device& device, const BodyModel& body, const RefinePreset
             PatchDiscriminator::Tensors weights = o.net->trained(graph);
             Tensor onFake = ganLoss(o.net->forward(graph, weights, detach(graph, o.fake)), false);
             Tensor onReal = ganLoss(o.net->forward(graph, weights, o.real), true);
-            discriminatorLosses.term("discriminator_" + o.name, 1,
+            discriminatorLosses.term(std::string("discriminator_") + o.name, 1,
                                      weightedSum(graph, {{onReal, 1}, {onFake, 1}}));
         }
         graph.backward(discriminatorLosses.sum());
@@ -167,7 +167,7 @@ RefineStep::RefineStep(Device& device, const BodyModel& body, const RefinePreset
 
     // The generator's: L_G against the new discriminators, and L_r.
     for (const Opponent& o : opponents)
-        losses.term("gan_" + o.name, preset.adversarial,
+        losses.term(std::string("gan_") + o.name, preset.adversarial,
                     ganLoss(o.net->forward(graph, o.net->frozen(graph), o.fake), true));
     graph.backward(losses.sum());
     adamwStep(graph, networks.generator.parameters(), adamwOptions(preset));
