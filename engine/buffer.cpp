@@ -9,6 +9,7 @@ Buffer& Buffer::operator=(Buffer&& other) noexcept {
     std::swap(bytes_, other.bytes_);
     std::swap(address_, other.address_);
     std::swap(mapped_, other.mapped_);
+    std::swap(share_, other.share_);
     return *this;
 }
 

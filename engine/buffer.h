@@ -1,8 +1,10 @@
 // Device memory: a buffer owns it, a view is a range of one.
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <utility>
 
 #include "engine/vulkan.h"
@@ -15,17 +17,49 @@ enum class Memory {
     Readback,  // copied to, read by the host
 };
 
+// Of one device, counted by its buffers.
+struct MemoryInUse {
+    std::atomic<uint64_t> deviceBytes = 0;  // of Memory::Device
+    std::atomic<uint32_t> allocations = 0;
+};
+// One allocation's part of it.
+class MemoryShare {
+public:
+    MemoryShare() = default;
+    MemoryShare(std::shared_ptr<MemoryInUse> whole, uint64_t deviceBytes)
+        : whole_(std::move(whole)), deviceBytes_(deviceBytes) {
+        whole_->deviceBytes += deviceBytes_;
+        ++whole_->allocations;
+    }
+    MemoryShare(MemoryShare&& other) noexcept { *this = std::move(other); }
+    MemoryShare& operator=(MemoryShare&& other) noexcept {
+        std::swap(whole_, other.whole_);
+        std::swap(deviceBytes_, other.deviceBytes_);
+        return *this;
+    }
+    ~MemoryShare() {
+        if (!whole_) return;
+        whole_->deviceBytes -= deviceBytes_;
+        --whole_->allocations;
+    }
+
+private:
+    std::shared_ptr<MemoryInUse> whole_;
+    uint64_t deviceBytes_ = 0;
+};
+
 class Buffer {
 public:
     Buffer() = default;
     Buffer(VkDevice device, VkBuffer buffer, VkDeviceMemory memory, uint64_t bytes,
-           uint64_t address, std::byte* mapped)
+           uint64_t address, std::byte* mapped, MemoryShare share)
         : device_(device),
           buffer_(buffer),
           memory_(memory),
           bytes_(bytes),
           address_(address),
-          mapped_(mapped) {}
+          mapped_(mapped),
+          share_(std::move(share)) {}
     Buffer(Buffer&& other) noexcept { *this = std::move(other); }
     Buffer& operator=(Buffer&& other) noexcept;
     ~Buffer();
@@ -43,6 +77,7 @@ private:
     VkDeviceMemory memory_ = VK_NULL_HANDLE;
     uint64_t bytes_ = 0, address_ = 0;
     std::byte* mapped_ = nullptr;
+    MemoryShare share_;
 };
 
 // A range of a buffer that outlives it.

@@ -17,133 +17,10 @@ bool environmentSays(const char* name, std::string_view value) {
     return set && set == value;
 }
 
-std::optional<uint32_t> computeFamily(VkPhysicalDevice physical) {
-    uint32_t count = 0;
-    vkGetPhysicalDeviceQueueFamilyProperties(physical, &count, nullptr);
-    std::vector<VkQueueFamilyProperties> families(count);
-    vkGetPhysicalDeviceQueueFamilyProperties(physical, &count, families.data());
-    for (uint32_t i = 0; i < count; ++i)
-        if (families[i].queueFlags & VK_QUEUE_COMPUTE_BIT) return i;
-    return std::nullopt;
-}
-
-bool hasExtension(VkPhysicalDevice physical, std::string_view name) {
-    uint32_t count = 0;
-    vkEnumerateDeviceExtensionProperties(physical, nullptr, &count, nullptr);
-    std::vector<VkExtensionProperties> extensions(count);
-    vkEnumerateDeviceExtensionProperties(physical, nullptr, &count, extensions.data());
-    return std::ranges::any_of(extensions, [&](const VkExtensionProperties& extension) {
-        return name == extension.extensionName;
-    });
-}
-
-struct TypeName {
-    const char* name;
-    int score;
-};
-TypeName typeName(VkPhysicalDeviceType type) {
-    switch (type) {
-        case VK_PHYSICAL_DEVICE_TYPE_DISCRETE_GPU:
-            return {"discrete GPU", 400};
-        case VK_PHYSICAL_DEVICE_TYPE_INTEGRATED_GPU:
-            return {"integrated GPU", 300};
-        case VK_PHYSICAL_DEVICE_TYPE_VIRTUAL_GPU:
-            return {"virtual GPU", 200};
-        case VK_PHYSICAL_DEVICE_TYPE_CPU:
-            return {"CPU", 100};
-        default:
-            return {"other", 50};
-    }
-}
-
-bool gpuKernelsWanted() {
-    const char* set = std::getenv("DOPPEL_KERNELS");
-    if (!set || !*set) return false;
-    if (set != std::string_view("gpu"))
-        throwInput(
-            "DOPPEL_KERNELS: expected gpu, or nothing for the device's own kernels, found {}", set);
-    return true;
-}
-
-KernelPath kernelPathOf(const DeviceInfo& info, Binding binding) {
-    const bool addresses = binding == Binding::Addresses;
-    KernelPath path;
-    path.onCpu = info.cpu && info.int64 && !gpuKernelsWanted();
-    path.int64 = info.int64;
-    // In "descriptors" the plain kernels are tested.
-    path.int64Atomics = info.int64Atomics && addresses;
-    path.texels = path.onCpu && addresses && info.texelAlignment <= 16;
-    // One subgroup per workgroup divides the texels of A in a body of a product's loop.
-    if (path.texels && 16 % std::max(1u, info.subgroupSize) == 0)
-        path.vectorLanes = info.subgroupSize;
-    return path;
-}
-
-DeviceInfo describe(VkInstance instance, VkPhysicalDevice physical, uint32_t index) {
-    DeviceInfo info;
-    info.index = index;
-
-    VkPhysicalDeviceProperties basic;
-    vkGetPhysicalDeviceProperties(physical, &basic);
-    info.name = basic.deviceName;
-    TypeName type = typeName(basic.deviceType);
-    info.type = type.name;
-    info.score = type.score;
-    info.cpu = basic.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU;
-    info.apiVersion =
-        fmt::format("{}.{}.{}", VK_API_VERSION_MAJOR(basic.apiVersion),
-                    VK_API_VERSION_MINOR(basic.apiVersion), VK_API_VERSION_PATCH(basic.apiVersion));
-    if (basic.apiVersion < VK_API_VERSION_1_2) {
-        info.refusals.push_back(fmt::format("Vulkan {} is older than 1.2", info.apiVersion));
-        return info;
-    }
-
-    VkPhysicalDeviceVulkan11Properties properties11{
-        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_PROPERTIES};
-    VkPhysicalDeviceVulkan12Properties properties12{
-        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_PROPERTIES};
-    properties11.pNext = &properties12;
-    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2};
-    properties.pNext = &properties11;
-    vkGetPhysicalDeviceProperties2(physical, &properties);
-    const VkPhysicalDeviceLimits& limits = properties.properties.limits;
-    info.driver = fmt::format("{} {}", properties12.driverName, properties12.driverInfo);
-    info.subgroupSize = properties11.subgroupSize;
-    info.maxAllocationBytes = properties11.maxMemoryAllocationSize;
-    info.maxStorageBufferBytes = limits.maxStorageBufferRange;
-    info.maxPushConstantBytes = limits.maxPushConstantsSize;
-    info.maxTexels = limits.maxTexelBufferElements;
-    info.texelAlignment = limits.minTexelBufferOffsetAlignment;
-    info.timestamps = limits.timestampComputeAndGraphics;
-
-    VkPhysicalDeviceVulkan12Features features12{
-        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES};
-    VkPhysicalDeviceFeatures2 features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2};
-    features.pNext = &features12;
-    vkGetPhysicalDeviceFeatures2(physical, &features);
-    info.addresses = features12.bufferDeviceAddress;
-    info.int64 = features.features.shaderInt64;
-    info.int64Atomics = features12.shaderBufferInt64Atomics;
-    if (std::ranges::all_of(MatrixFeatures::kExtensions,
-                            [&](const char* name) { return hasExtension(physical, name); }))
-        info.halfMatrices = halfMatrixShape(instance, physical);
-
-    VkPhysicalDeviceMemoryProperties memory;
-    vkGetPhysicalDeviceMemoryProperties(physical, &memory);
-    for (uint32_t i = 0; i < memory.memoryHeapCount; ++i)
-        if (memory.memoryHeaps[i].flags & VK_MEMORY_HEAP_DEVICE_LOCAL_BIT)
-            info.memoryBytes = std::max(info.memoryBytes, memory.memoryHeaps[i].size);
-
-    info.kernelPath =
-        kernelPathOf(info, info.addresses ? Binding::Addresses : Binding::Descriptors);
-
-    if (!features12.scalarBlockLayout) info.refusals.push_back("no scalarBlockLayout");
-    if (!info.int64) info.refusals.push_back("no 64-bit integers in shaders (shaderInt64)");
-    if (!computeFamily(physical)) info.refusals.push_back("no compute queue");
-    if (limits.maxComputeWorkGroupInvocations < 256)
-        info.refusals.push_back(fmt::format("workgroups of {} invocations at most; 256 are needed",
-                                            limits.maxComputeWorkGroupInvocations));
-    return info;
+std::filesystem::path limitsWanted(const DeviceOptions& options) {
+    if (!options.limits.empty()) return options.limits;
+    const char* set = std::getenv("DOPPEL_DEVICE_LIMITS");
+    return set ? set : "";
 }
 
 bool matches(const DeviceInfo& info, const std::string& wanted) {
@@ -175,7 +52,8 @@ std::vector<DeviceInfo> Device::list() {
     VkInstance instance = createInstance(false);
     std::vector<DeviceInfo> infos;
     for (VkPhysicalDevice physical : physicalDevices(instance))
-        infos.push_back(describe(instance, physical, static_cast<uint32_t>(infos.size())));
+        infos.push_back(describeDevice(instance, physical, static_cast<uint32_t>(infos.size()),
+                                       limitsWanted({})));
     destroyInstance(instance, VK_NULL_HANDLE);
     return infos;
 }
@@ -189,7 +67,7 @@ Device::Device(DeviceOptions options) {
         std::vector<VkPhysicalDevice> physicals = physicalDevices(instance_);
         std::string reasons;
         for (uint32_t i = 0; i < physicals.size(); ++i) {
-            DeviceInfo info = describe(instance_, physicals[i], i);
+            DeviceInfo info = describeDevice(instance_, physicals[i], i, limitsWanted(options));
             std::string refusal;
             for (const std::string& reason : info.refusals)
                 refusal += (refusal.empty() ? "" : ", ") + reason;
@@ -212,20 +90,21 @@ Device::Device(DeviceOptions options) {
         info_.kernelPath = kernelPathOf(info_, binding_);
         bool addresses = binding_ == Binding::Addresses;
         precision_ = options.precision;
+        secondsPerSubmit_ = options.secondsPerSubmit;
         // A CPU emulates them, several times slower than plain kernels: for tests.
         bool units = !kernelPath().onCpu || environmentSays("DOPPEL_MATRIX_UNITS", "emulated");
         if (precision_ == Precision::Mixed && addresses && units) matrixUnits_ = info_.halfMatrices;
 
         float priority = 1;
         VkDeviceQueueCreateInfo queueInfo{VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO};
-        queueInfo.queueFamilyIndex = *computeFamily(physical_);
+        queueInfo.queueFamilyIndex = *computeQueueFamily(physical_);
         queueInfo.queueCount = 1;
         queueInfo.pQueuePriorities = &priority;
         VkPhysicalDeviceVulkan12Features features12{
             VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES};
         features12.scalarBlockLayout = VK_TRUE;
         features12.bufferDeviceAddress = addresses ? VK_TRUE : VK_FALSE;
-        features12.shaderBufferInt64Atomics = info_.int64Atomics ? VK_TRUE : VK_FALSE;
+        features12.shaderBufferInt64Atomics = kernelPath().int64Atomics ? VK_TRUE : VK_FALSE;
         VkDeviceCreateInfo deviceInfo{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO};
         deviceInfo.pNext = &features12;
         MatrixFeatures matrixFeatures;
@@ -235,7 +114,7 @@ Device::Device(DeviceOptions options) {
             deviceInfo.ppEnabledExtensionNames = MatrixFeatures::kExtensions.data();
         }
         VkPhysicalDeviceFeatures features{};
-        features.shaderInt64 = VK_TRUE;
+        features.shaderInt64 = info_.int64 ? VK_TRUE : VK_FALSE;
         deviceInfo.pEnabledFeatures = &features;
         deviceInfo.queueCreateInfoCount = 1;
         deviceInfo.pQueueCreateInfos = &queueInfo;
@@ -271,25 +150,29 @@ void Device::destroy() {
     destroyInstance(instance_, messenger_);
 }
 
-uint32_t Device::memoryType(uint32_t allowed, Memory memory) const {
+// Types of memory for this use, best first.
+std::vector<uint32_t> Device::memoryTypes(uint32_t allowed, Memory memory) const {
     constexpr VkMemoryPropertyFlags kLocal = VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT;
     constexpr VkMemoryPropertyFlags kHost =
         VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
     constexpr VkMemoryPropertyFlags kCached = VK_MEMORY_PROPERTY_HOST_CACHED_BIT;
-    std::vector<VkMemoryPropertyFlags> wishes;  // best first
-    if (memory == Memory::Device && info_.type == std::string_view("discrete GPU"))
+    std::vector<VkMemoryPropertyFlags> wishes;
+    if (memory == Memory::Device && !info_.hostSeesMemory)
         wishes = {kLocal};
     else if (memory == Memory::Device)
-        wishes = {kLocal | kHost | kCached, kLocal | kHost, kLocal};
+        wishes = {kLocal | kHost | kCached, kLocal | kHost, kLocal, kHost};
     else if (memory == Memory::Upload)
         wishes = {kHost};
     else
         wishes = {kHost | kCached, kHost};
+    std::vector<uint32_t> types;
     for (VkMemoryPropertyFlags wish : wishes)
         for (uint32_t i = 0; i < memory_.memoryTypeCount; ++i)
-            if ((allowed >> i & 1) && (memory_.memoryTypes[i].propertyFlags & wish) == wish)
-                return i;
-    throwMachine("{} has no memory of the kind that is needed", info_.name);
+            if ((allowed >> i & 1) && (memory_.memoryTypes[i].propertyFlags & wish) == wish &&
+                std::ranges::find(types, i) == types.end())
+                types.push_back(i);
+    if (types.empty()) throwMachine("{} has no memory of the kind that is needed", info_.name);
+    return types;
 }
 
 Buffer Device::allocate(uint64_t bytes, Memory memory) {
@@ -305,20 +188,32 @@ Buffer Device::allocate(uint64_t bytes, Memory memory) {
     VK_CHECK(vkCreateBuffer(device_, &info, nullptr, &buffer));
     VkMemoryRequirements requirements;
     vkGetBufferMemoryRequirements(device_, buffer, &requirements);
+    auto refuse = [&](const std::string& reason) {
+        vkDestroyBuffer(device_, buffer, nullptr);
+        throwMachine("{} cannot allocate {} bytes ({}); use a smaller preset or --memory",
+                     info_.name, bytes, reason);
+    };
+    if (requirements.size > info_.maxAllocationBytes)
+        refuse(fmt::format("{} at once at most", info_.maxAllocationBytes));
+    if (memoryInUse_->allocations >= info_.maxAllocations)
+        refuse(fmt::format("it has {} allocations, which are all it takes", info_.maxAllocations));
+    const uint64_t before = memoryInUse_->deviceBytes;
+    if (memory == Memory::Device && before + requirements.size > info_.memoryBytes)
+        refuse(fmt::format("{} of its {} are in use", before, info_.memoryBytes));
 
     VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO};
     flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
     VkMemoryAllocateInfo allocation{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO};
     allocation.pNext = addresses ? &flags : nullptr;
     allocation.allocationSize = requirements.size;
-    allocation.memoryTypeIndex = memoryType(requirements.memoryTypeBits, memory);
     VkDeviceMemory deviceMemory = VK_NULL_HANDLE;
-    VkResult result = vkAllocateMemory(device_, &allocation, nullptr, &deviceMemory);
-    if (result != VK_SUCCESS) {
-        vkDestroyBuffer(device_, buffer, nullptr);
-        throwMachine("{} cannot allocate {} bytes ({}); use a smaller preset or --memory",
-                     info_.name, bytes, resultName(result));
+    VkResult result = VK_ERROR_OUT_OF_DEVICE_MEMORY;
+    for (uint32_t type : memoryTypes(requirements.memoryTypeBits, memory)) {
+        allocation.memoryTypeIndex = type;
+        result = vkAllocateMemory(device_, &allocation, nullptr, &deviceMemory);
+        if (result == VK_SUCCESS) break;
     }
+    if (result != VK_SUCCESS) refuse(resultName(result));
     VK_CHECK(vkBindBufferMemory(device_, buffer, deviceMemory, 0));
 
     uint64_t address = 0;
@@ -330,11 +225,20 @@ Buffer Device::allocate(uint64_t bytes, Memory memory) {
         static std::atomic<uint64_t> count = 0;
         address = ++count << 40;
     }
+    // Memory that is not coherent would have to be flushed: it is copied to and from instead.
+    constexpr VkMemoryPropertyFlags kMapped =
+        VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
     void* mapped = nullptr;
     VkMemoryPropertyFlags kind = memory_.memoryTypes[allocation.memoryTypeIndex].propertyFlags;
-    if (kind & VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT)
+    if ((kind & kMapped) == kMapped && (memory != Memory::Device || info_.hostSeesMemory))
         VK_CHECK(vkMapMemory(device_, deviceMemory, 0, VK_WHOLE_SIZE, 0, &mapped));
-    return {device_, buffer, deviceMemory, bytes, address, static_cast<std::byte*>(mapped)};
+    return {device_,
+            buffer,
+            deviceMemory,
+            bytes,
+            address,
+            static_cast<std::byte*>(mapped),
+            {memoryInUse_, memory == Memory::Device ? requirements.size : 0}};
 }
 
 const Kernel& Device::kernel(std::string_view name, const Specialisation& specialisation) {
@@ -344,12 +248,14 @@ const Kernel& Device::kernel(std::string_view name, const Specialisation& specia
         auto row = std::ranges::find(shaderTable(), name, &ShaderTableRow::name);
         CHECK(row != shaderTable().end(), "there is a shader entry {}", name);
         Specialisation complete = specialisation;
+        const bool descriptors = binding_ == Binding::Descriptors;
         if (kernelPath().onCpu && reflect(row->descriptors).constants.contains("kOnCpu"))
             complete["kOnCpu"] = 1;  // of shaders/common/op.glsl
+        checkKernel(info_, *row, descriptors, complete);
         found = kernels_
                     .emplace(std::move(key),
-                             std::make_unique<Kernel>(device_, pipelineCache_, *row,
-                                                      binding_ == Binding::Descriptors, complete))
+                             std::make_unique<Kernel>(device_, pipelineCache_, *row, descriptors,
+                                                      complete, !kernelPath().onCpu))
                     .first;
     }
     return *found->second;
@@ -407,12 +313,15 @@ VkFence Device::newFence() {
     return fence;
 }
 
-void Device::submit(VkCommandBuffer commands, VkFence fence) {
+void Device::submit(std::span<const VkCommandBuffer> commands, VkFence fence) {
     VK_CHECK(vkResetFences(device_, 1, &fence));
-    VkSubmitInfo info{VK_STRUCTURE_TYPE_SUBMIT_INFO};
-    info.commandBufferCount = 1;
-    info.pCommandBuffers = &commands;
-    VK_CHECK(vkQueueSubmit(queue_, 1, &info, fence));
+    for (const VkCommandBuffer& one : commands) {
+        VkSubmitInfo info{VK_STRUCTURE_TYPE_SUBMIT_INFO};
+        info.commandBufferCount = 1;
+        info.pCommandBuffers = &one;
+        const bool last = &one == &commands.back();
+        VK_CHECK(vkQueueSubmit(queue_, 1, &info, last ? fence : VK_NULL_HANDLE));
+    }
 }
 
 void Device::wait(VkFence fence) {
@@ -436,7 +345,7 @@ void Device::runOnce(const std::function<void(VkCommandBuffer)>& record) {
                          0, 1, &barrier, 0, nullptr, 0, nullptr);
     VK_CHECK(vkEndCommandBuffer(commands));
     VkFence fence = newFence();
-    submit(commands, fence);
+    submit({&commands, 1}, fence);
     wait(fence);
     vkDestroyFence(device_, fence, nullptr);
     freeCommandBuffer(commands);

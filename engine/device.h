@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <map>
 #include <memory>
@@ -12,14 +13,11 @@
 #include <vector>
 
 #include "engine/buffer.h"
-#include "engine/cooperative_matrix.h"
+#include "engine/device_info.h"
 #include "engine/kernel.h"
 #include "engine/vulkan.h"
 
 namespace doppel {
-
-// How shaders reach buffers; see shaders/common/op.glsl.
-enum class Binding { Addresses, Descriptors };
 
 // How products of matrices are made (convolutions, linear layers, graph convolutions). Mixed: their
 // inputs are rounded to halves, and summed in single precision, on matrix units where a GPU has
@@ -38,46 +36,12 @@ struct DeviceOptions {
     // Validation layer with synchronisation validation; a message is kept and fails tests.
     // DOPPEL_VALIDATION=1 switches it on.
     bool validation = false;
-};
-
-// Which builds, specialisations and workgroup sizes of kernels a device takes. This is the one
-// place that says it, from what the device is, the binding, and the environment: DOPPEL_KERNELS=gpu
-// gives a CPU exactly what a discrete GPU gets, so that those kernels are tested where there is no
-// GPU.
-struct KernelPath {
-    // The builds for CPUs: lanes of a subgroup are a CPU's vector, so that loads in loops are
-    // gathers, pairs of floats are loaded as integers of 64 bits, and a workgroup costs
-    // microseconds. Without it the builds for GPUs run, which need no integers of 64 bits but for
-    // int64Atomics.
-    bool onCpu = false;
-    // Kernels may read buffers as texels, from any 16 bytes on, beside addresses (TEXELS in
-    // shaders/common/op.glsl): a CPU's fast loads.
-    bool texels = false;
-    // Lanes of the vector, where the kernels for one vector per workgroup run; 0: they do not.
-    uint32_t vectorLanes = 0;
-    bool int64 = false;         // integers of 64 bits in shaders
-    bool int64Atomics = false;  // and atomics of them in buffers
-};
-
-// What `doppel devices` shows.
-struct DeviceInfo {
-    uint32_t index = 0;
-    std::string name, type, driver, apiVersion;
-    uint64_t memoryBytes = 0;  // of the largest device-local heap
-    uint64_t maxAllocationBytes = 0;
-    uint64_t maxStorageBufferBytes = 0;  // per descriptor
-    uint32_t maxPushConstantBytes = 0;
-    uint32_t subgroupSize = 0;
-    bool addresses = false, timestamps = false;
-    std::optional<MatrixShape> halfMatrices;  // what a subgroup multiplies at once
-    bool cpu = false;             // kernels may take another path all the same, see below
-    uint64_t maxTexels = 0;       // of 16 bytes, per descriptor
-    uint64_t texelAlignment = 0;  // bytes, of the beginning of a buffer that is read as texels
-    bool int64 = false;           // integers of 64 bits in shaders
-    bool int64Atomics = false;    // and atomics of them in buffers
-    KernelPath kernelPath;        // with the binding that the device is used with
-    std::vector<std::string> refusals;  // why it cannot be used; empty: it can
-    int score = 0;                      // the best usable device has the highest
+    // A file of another device's limits, which then hold for this one (engine/device_info.h);
+    // empty: DOPPEL_DEVICE_LIMITS names one, or there is none.
+    std::filesystem::path limits;
+    // That a submission may take on a slow GPU, see Recorder::expect(): half of what desktops
+    // allow.
+    double secondsPerSubmit = 1;
 };
 
 class Device {
@@ -96,10 +60,12 @@ public:
     Precision precision() const { return precision_; }
     // The shape of products on matrix units, where precision and binding are those that use them.
     std::optional<MatrixShape> matrixUnits() const { return matrixUnits_; }
+    double secondsPerSubmit() const { return secondsPerSubmit_; }
     VkDevice handle() const { return device_; }
     double timestampPeriodNanoseconds() const { return timestampPeriod_; }
 
-    // A buffer of its own; throws MachineError with the size when memory runs out.
+    // A buffer of its own; throws MachineError with the size when memory runs out, or a limit of
+    // the device is reached.
     Buffer allocate(uint64_t bytes, Memory memory);
 
     // The kernel "<family>/<op>.<entry>" with these specialisation constants (by name). Compiled
@@ -113,17 +79,15 @@ public:
     VkCommandBuffer newCommandBuffer();
     void freeCommandBuffer(VkCommandBuffer commands);
     VkFence newFence();
-    void submit(VkCommandBuffer commands, VkFence fence);
+    // One after the other; the fence is of the last.
+    void submit(std::span<const VkCommandBuffer> commands, VkFence fence);
     void wait(VkFence fence);
     // Records transfers with the given function, submits, waits.
     void runOnce(const std::function<void(VkCommandBuffer)>& record);
 
-    // Validation messages since the start; tests fail when there is one.
-    static std::vector<std::string> validationMessages();
-
 private:
     void destroy();
-    uint32_t memoryType(uint32_t allowed, Memory memory) const;
+    std::vector<uint32_t> memoryTypes(uint32_t allowed, Memory memory) const;
 
     VkInstance instance_ = VK_NULL_HANDLE;
     VkDebugUtilsMessengerEXT messenger_ = VK_NULL_HANDLE;
@@ -133,11 +97,12 @@ private:
     VkCommandPool pool_ = VK_NULL_HANDLE;
     VkPipelineCache pipelineCache_ = VK_NULL_HANDLE;
     VkPhysicalDeviceMemoryProperties memory_{};
+    std::shared_ptr<MemoryInUse> memoryInUse_ = std::make_shared<MemoryInUse>();
     DeviceInfo info_;
     Binding binding_ = Binding::Addresses;
     Precision precision_ = Precision::Single;
     std::optional<MatrixShape> matrixUnits_;
-    double timestampPeriod_ = 1;
+    double timestampPeriod_ = 1, secondsPerSubmit_ = 1;
     std::map<std::pair<std::string, Specialisation>, std::unique_ptr<Kernel>, std::less<>> kernels_;
 };
 

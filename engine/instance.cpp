@@ -6,8 +6,6 @@
 #include <string>
 #include <string_view>
 
-#include "engine/device.h"
-
 namespace doppel {
 
 namespace {
@@ -56,7 +54,7 @@ bool validationWanted() {
     return set && std::string_view(set) == "1";
 }
 
-std::vector<std::string> Device::validationMessages() {
+std::vector<std::string> validationMessages() {
     std::lock_guard lock(messageMutex);
     return messages;
 }

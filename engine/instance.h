@@ -2,6 +2,7 @@
 #pragma once
 
 #include <span>
+#include <string>
 #include <vector>
 
 #include "engine/vulkan.h"
@@ -10,10 +11,11 @@ namespace doppel {
 
 // DOPPEL_VALIDATION=1 asks for the validation layer.
 bool validationWanted();
+// What the layer said since the start.
+std::vector<std::string> validationMessages();
 
 // With or without the validation layer, synchronisation validation included, whose messages end up
-// in Device::validationMessages(). MachineError where the layer, an extension or any driver is
-// missing.
+// in validationMessages(). MachineError where the layer, an extension or any driver is missing.
 VkInstance createInstance(bool validation, std::span<const char* const> extensions = {});
 // Of an instance with validation.
 VkDebugUtilsMessengerEXT createMessenger(VkInstance instance);

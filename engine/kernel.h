@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/device_info.h"
 #include "engine/shader_table.h"
 #include "engine/vulkan.h"
 
@@ -29,13 +30,25 @@ struct Reflection {
     uint32_t slotCount = 0;                     // buffers declared in the file
     std::map<std::string, uint32_t> constants;  // specialisation constant name -> id
     bool texels = false;                        // of any buffer
+    std::vector<uint32_t> capabilities;         // as SPIR-V numbers them, sorted
+    // Whether the kernel asks how many workgroups a dispatch has along x, y and z.
+    std::array<bool, 3> countsWorkgroups{};
 };
 Reflection reflect(SpirvRange module);
 
+// Bytes of the variables that a workgroup shares, with these specialisation constants.
+uint64_t sharedBytes(SpirvRange module, const Specialisation& specialisation);
+
+// Throws MachineError where a kernel asks for more than the device has: workgroups, shared memory,
+// push constants, descriptors, operations.
+void checkKernel(const DeviceInfo& info, const ShaderTableRow& row, bool descriptors,
+                 const Specialisation& specialisation);
+
 class Kernel {
 public:
+    // cut: it can be dispatched in pieces.
     Kernel(VkDevice device, VkPipelineCache cache, const ShaderTableRow& row, bool descriptors,
-           const Specialisation& specialisation);
+           const Specialisation& specialisation, bool cut);
     ~Kernel();
     Kernel(const Kernel&) = delete;
     Kernel& operator=(const Kernel&) = delete;

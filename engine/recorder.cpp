@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstring>
 
 #include "engine/kernel_log.h"
@@ -25,24 +26,47 @@ constexpr VkPipelineStageFlags kStages = VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT |
                                          VK_PIPELINE_STAGE_TRANSFER_BIT |
                                          VK_PIPELINE_STAGE_DRAW_INDIRECT_BIT;
 
+// On an integrated GPU of 0.3 TFLOP/s and 20 GB/s whose kernels reach half of both.
+double secondsOf(const Recorder::Work& work) { return work.flops / 0.15e12 + work.bytes / 10e9; }
+
 constexpr uint32_t kSetsPerPool = 256, kBuffersPerSet = 16;
 
 }  // namespace
 
-Groups linearGroups(uint64_t invocations, uint32_t localSize) {
+Groups linearGroups(uint64_t invocations, uint32_t localSize, uint32_t leastRows) {
     constexpr uint64_t kMax = 65535;
     uint64_t groups = std::max<uint64_t>(1, (invocations + localSize - 1) / localSize);
-    uint64_t rows = (groups + kMax - 1) / kMax;
+    uint64_t rows = std::max((groups + kMax - 1) / kMax, std::min<uint64_t>(leastRows, groups));
     uint64_t columns = (groups + rows - 1) / rows;
     CHECK(rows <= kMax, "{} invocations fit into one dispatch", invocations);
     return {static_cast<uint32_t>(columns), static_cast<uint32_t>(rows), 1};
 }
 
 Recorder::Recorder(Device& device) : device_(device) {
-    commands_ = device.newCommandBuffer();
     fence_ = device.newFence();
+    beginSubmission();
+}
+
+// Barriers reach over submissions to one queue, so that hazards go on.
+void Recorder::beginSubmission() {
+    if (commands_) VK_CHECK(vkEndCommandBuffer(commands_));
+    commands_ = submissions_.emplace_back(device_.newCommandBuffer());
     VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
     VK_CHECK(vkBeginCommandBuffer(commands_, &begin));
+    seconds_ = 0;
+}
+
+uint32_t Recorder::pieces(const Work& work) const {
+    if (device_.kernelPath().onCpu) return 1;
+    return static_cast<uint32_t>(
+        std::clamp(std::ceil(secondsOf(work) / device_.secondsPerSubmit()), 1.0, 1e6));
+}
+
+void Recorder::expect(const Work& work) {
+    if (device_.kernelPath().onCpu) return;
+    const double seconds = secondsOf(work);
+    if (seconds_ > 0 && seconds_ + seconds > device_.secondsPerSubmit()) beginSubmission();
+    seconds_ += seconds;
 }
 
 Recorder::~Recorder() {
@@ -53,7 +77,7 @@ Recorder::~Recorder() {
         vkDestroyDescriptorPool(device_.handle(), pool, nullptr);
     vkDestroyQueryPool(device_.handle(), queries_, nullptr);
     vkDestroyFence(device_.handle(), fence_, nullptr);
-    device_.freeCommandBuffer(commands_);
+    for (VkCommandBuffer commands : submissions_) device_.freeCommandBuffer(commands);
 }
 
 void Recorder::barrierFor(const std::vector<Access>& accesses) {
@@ -148,17 +172,113 @@ VkBufferView Recorder::texelView(const BufferView& view, const std::string& kern
 }
 
 void Recorder::dispatch(const Kernel& kernel, std::span<const BoundBuffer> buffers,
-                        std::span<const std::byte> params, Groups groups) {
-    bind(kernel, buffers, params, {});
-    vkCmdDispatch(commands_, groups.x, groups.y, groups.z);
+                        std::span<const std::byte> params, Groups groups, uint32_t pieces) {
+    const auto& most = device_.info().maxWorkgroups;
+    if (groups.x > most[0] || groups.y > most[1] || groups.z > most[2])
+        throwMachine(
+            "kernel {} needs {} x {} x {} workgroups; {} takes {} x {} x {}: use a smaller preset "
+            "or batch",
+            kernel.name(), groups.x, groups.y, groups.z, device_.info().name, most[0], most[1],
+            most[2]);
+    std::vector<BoundBuffer> bound(buffers.begin(), buffers.end());
+    const std::vector<Moved> moved = moveUnaligned(kernel, buffers, bound);
+    bind(kernel, bound, params, {});
+    // Along the longest axis whose workgroups the kernel does not count.
+    std::array<uint32_t, 3> count{groups.x, groups.y, groups.z};
+    size_t axis = 3;
+    for (size_t a = 0; a < 3; ++a)
+        if (!kernel.reflection().countsWorkgroups[a] && count[a] > 1 &&
+            (axis == 3 || count[a] > count[axis]))
+            axis = a;
+    if (pieces <= 1 || axis == 3) {
+        vkCmdDispatch(commands_, groups.x, groups.y, groups.z);
+        moveBack(moved);
+        return;
+    }
+    const uint32_t all = count[axis], each = (all + pieces - 1) / pieces;
+    for (uint32_t first = 0; first < all; first += each) {
+        if (first > 0) {
+            beginSubmission();
+            seconds_ = device_.secondsPerSubmit();
+            bind(kernel, bound, params, {});
+        }
+        std::array<uint32_t, 3> base{};
+        base[axis] = first;
+        count[axis] = std::min(each, all - first);
+        vkCmdDispatchBase(commands_, base[0], base[1], base[2], count[0], count[1], count[2]);
+    }
+    moveBack(moved);
 }
 
 void Recorder::dispatchIndirect(const Kernel& kernel, std::span<const BoundBuffer> buffers,
                                 std::span<const std::byte> params, const BufferView& groups) {
     CHECK(groups.buffer && groups.bytes >= 12 && groups.offset % 4 == 0,
           "{}: three numbers say how many workgroups", kernel.name());
-    bind(kernel, buffers, params, {accessOf(groups, true, false)});
+    std::vector<BoundBuffer> bound(buffers.begin(), buffers.end());
+    const std::vector<Moved> moved = moveUnaligned(kernel, buffers, bound);
+    bind(kernel, bound, params, {accessOf(groups, true, false)});
     vkCmdDispatchIndirect(commands_, groups.buffer->handle(), groups.offset);
+    moveBack(moved);
+}
+
+std::vector<Recorder::Moved> Recorder::moveUnaligned(const Kernel& kernel,
+                                                     std::span<const BoundBuffer> buffers,
+                                                     std::vector<BoundBuffer>& bound) {
+    std::vector<Moved> moved;
+    const uint64_t alignment = device_.info().storageAlignment;
+    if (device_.binding() == Binding::Addresses) return moved;
+    auto writes = [&](const BoundBuffer& buffer) {
+        auto used =
+            std::ranges::find(kernel.reflection().buffers, buffer.name, &KernelBuffer::name);
+        return used != kernel.reflection().buffers.end() && used->writes;
+    };
+    for (size_t i = 0; i < buffers.size(); ++i) {
+        const BufferView& view = buffers[i].view;
+        if (view.bytes == 0 || view.offset % alignment == 0) continue;
+        // One copy of what a kernel is given under several names.
+        auto same = std::ranges::find_if(moved, [&](const Moved& m) {
+            return m.view.buffer == view.buffer && m.view.offset == view.offset &&
+                   m.view.bytes == view.bytes;
+        });
+        for (const BoundBuffer& other : buffers) {
+            const bool apart = other.view.buffer != view.buffer ||
+                               other.view.offset + other.view.bytes <= view.offset ||
+                               view.offset + view.bytes <= other.view.offset;
+            const bool equal = other.view.offset == view.offset && other.view.bytes == view.bytes;
+            if (!apart && !equal && (writes(other) || writes(buffers[i])))
+                throwMachine(
+                    "kernel {} writes a part of its buffer {} from byte {}; descriptors of {} "
+                    "begin at multiples of {}",
+                    kernel.name(), buffers[i].name, view.offset, device_.info().name, alignment);
+        }
+        if (same == moved.end()) {
+            const size_t place = moved.size();
+            if (place == alignedAt_.size()) alignedAt_.push_back(aligned_.size());
+            size_t& at = alignedAt_[place];
+            if (at == aligned_.size() || aligned_[at].bytes() < view.bytes) {
+                at = aligned_.size();  // the old one stays for what is recorded already
+                aligned_.push_back(device_.allocate(view.bytes, Memory::Device));
+            }
+            moved.push_back({view, {nullptr, at, view.bytes}, false});
+            same = std::prev(moved.end());
+        }
+        same->written |= writes(buffers[i]);
+        bound[i].view = same->copy;
+    }
+    // aligned_ moves no more.
+    for (Moved& m : moved) {
+        const BufferView copied{&aligned_[m.copy.offset], 0, m.copy.bytes};
+        for (BoundBuffer& buffer : bound)
+            if (!buffer.view.buffer && buffer.view.offset == m.copy.offset) buffer.view = copied;
+        m.copy = copied;
+        copy(m.view, m.copy);
+    }
+    return moved;
+}
+
+void Recorder::moveBack(const std::vector<Moved>& moved) {
+    for (const Moved& m : moved)
+        if (m.written) copy(m.copy, m.view);
 }
 
 void Recorder::bind(const Kernel& kernel, std::span<const BoundBuffer> buffers,
@@ -248,7 +368,7 @@ void Recorder::finish() {
 
 void Recorder::submit() {
     wait();
-    device_.submit(commands_, fence_);
+    device_.submit(submissions_, fence_);
     pending_ = true;
 }
 

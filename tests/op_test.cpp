@@ -12,6 +12,8 @@
 
 #include "engine/kernel_log.h"
 
+#include "engine/instance.h"
+
 namespace doppel {
 
 namespace {
@@ -47,7 +49,7 @@ void roundToFloat(Values& values) {
 
 class ValidationIsSilent : public testing::EmptyTestEventListener {
     void OnTestEnd(const testing::TestInfo&) override {
-        std::vector<std::string> messages = Device::validationMessages();
+        std::vector<std::string> messages = validationMessages();
         for (; seen_ < messages.size(); ++seen_) ADD_FAILURE() << "validation: " << messages[seen_];
     }
     size_t seen_ = 0;

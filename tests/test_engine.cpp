@@ -125,13 +125,15 @@ TEST(Instance, KeepsACachePerWidthOfVectors) {
         std::exit(std::filesystem::is_directory(now) ? 0 : 1);
     };
     // The same folder in the processes of this test, another one where the test runs beside itself
-    // with the other flavour of bindings.
-    const char* flavour = std::getenv("DOPPEL_BINDING");
-    const std::string base = testing::TempDir() + "doppel_cache_" + (flavour ? flavour : "");
+    // with other bindings, kernels or drivers.
+    std::string base = testing::TempDir() + "doppel_cache";
+    for (const char* name : {"DOPPEL_BINDING", "DOPPEL_KERNELS", "VK_DRIVER_FILES"})
+        if (const char* set = std::getenv(name))
+            base += "_" + std::filesystem::path(set).stem().string();
     EXPECT_EXIT(cacheFor("256", base), testing::ExitedWithCode(0),
-                "cache .*doppel_cache_[a-z]*/256-bit-vectors\n");
+                "cache .*doppel_cache[^/]*/256-bit-vectors\n");
     EXPECT_EXIT(cacheFor("512", base + "/256-bit-vectors"), testing::ExitedWithCode(0),
-                "cache .*doppel_cache_[a-z]*/512-bit-vectors\n");
+                "cache .*doppel_cache[^/]*/512-bit-vectors\n");
     std::filesystem::remove_all(base);
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <utility>
 
 #include "nn/ops/elementwise.h"
 
@@ -130,7 +131,8 @@ void Graph::addDispatch(const char* kernel, std::initializer_list<Argument> argu
               groups,
               invocations,
               0,
-              {}};
+              {},
+              std::exchange(expectedFlops_, 0)};
     for (const Argument& argument : arguments) {
         use(argument.tensor);
         step.arguments.emplace_back(argument.name, argument.tensor);
@@ -409,6 +411,10 @@ std::unique_ptr<Recorder> Graph::recorded(int slot, size_t begin, size_t end,
     if (options.timestamps) recorder.timestamp();
     for (size_t i = begin; i < end; ++i) {
         const Step& step = steps_[i];
+        Recorder::Work work{step.flops, 0};
+        for (const auto& [name, tensor] : step.arguments)
+            work.bytes += static_cast<double>(tensor.bytes());
+        recorder.expect(work);
         switch (step.what) {
             case Step::What::Fill:
                 if (step.arguments[0].second.bytes() > 0)
@@ -426,14 +432,16 @@ std::unique_ptr<Recorder> Graph::recorded(int slot, size_t begin, size_t end,
                     device_.kernelPath().onCpu)
                     spec.try_emplace("local_size", kLargeWorkgroup);
                 const Kernel& kernel = device_.kernel(step.kernel, spec);
-                if (groups.x == 0) groups = linearGroups(step.invocations, kernel.localSize());
+                if (groups.x == 0)
+                    groups =
+                        linearGroups(step.invocations, kernel.localSize(), recorder.pieces(work));
                 std::vector<BoundBuffer> buffers;
                 for (const auto& [name, tensor] : step.arguments)
                     buffers.push_back({name, viewOf(tensor)});
                 if (step.indirect)
                     recorder.dispatchIndirect(kernel, buffers, step.params, viewOf(step.indirect));
                 else
-                    recorder.dispatch(kernel, buffers, step.params, groups);
+                    recorder.dispatch(kernel, buffers, step.params, groups, recorder.pieces(work));
                 break;
             }
         }

@@ -78,6 +78,9 @@ public:
     // Names what follows for profiles and errors, until the next call. flops: multiply and add
     // count as two.
     void beginOp(std::string name, double flops = 0);
+    // Of the next dispatch alone, if they are many: it is cut where it may take a slow device too
+    // long (Recorder::Work).
+    void expectFlops(double flops) { expectedFlops_ = flops; }
     template <typename Params>
     void dispatch(const char* kernel, std::initializer_list<Argument> arguments,
                   const Params& params, uint64_t invocations, const Specialisation& spec = {}) {
@@ -177,6 +180,8 @@ public:
     uint64_t temporaryBytes() const { return plannedBytes_; }
     uint64_t unsharedBytes() const { return unsharedBytes_; }
     size_t dispatchCount() const { return steps_.size(); }
+    // Of one replay, see Recorder::expect().
+    size_t submissionCount() const { return recorders_[0]->submissionCount(); }
     // Per op, in order, of the newest replay (compiled with timestamps).
     std::vector<OpProfile> profile();
     // The program: op, dispatches, bytes, flops, and time where there is one.
@@ -202,6 +207,7 @@ private:
         uint64_t invocations = 0;
         uint32_t word = 0;
         Tensor indirect;  // where the number of workgroups is read from
+        double flops = 0;
     };
     struct Op {
         std::string name;
@@ -265,6 +271,7 @@ private:
     int64_t replays_ = 0;  // submitted so far
     bool compiled_ = false;
     uint64_t plannedBytes_ = 0, unsharedBytes_ = 0;
+    double expectedFlops_ = 0;
 };
 
 }  // namespace doppel

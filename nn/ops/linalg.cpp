@@ -333,6 +333,7 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
                         {"kRelu", !split && g.relu},
                         {"kScaled", bool(largest)}};
     if (!largest) largest = graph.none();
+    graph.expectFlops(flops(g));
     if (!p.matrices)
         spec.insert({{"kLanes", p.lanes},
                      {"kRows", p.rows},
