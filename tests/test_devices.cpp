@@ -1,0 +1,283 @@
+// Which kernels a device takes, and the engine under the limits of other devices (tests/devices).
+#include <algorithm>
+#include <cstdlib>
+#include <numeric>
+
+#include "nn/ops/elementwise.h"
+#include "nn/ops/linalg.h"
+#include "tests/files.h"
+#include "tests/op_test.h"
+
+namespace doppel {
+namespace {
+
+namespace fs = std::filesystem;
+
+fs::path limitsFolder() { return fs::path(DOPPEL_SOURCE_DIR) / "tests" / "devices"; }
+
+struct Expected {
+    const char* file;
+    const char* refusal;  // words of the reason; empty: it computes
+};
+constexpr Expected kDevices[] = {
+    {"nvidia_desktop", ""},
+    {"amd_rdna", ""},
+    {"intel_arc", ""},
+    {"intel_uhd", "no 64-bit integers in shaders"},
+    {"apple_m1", ""},
+    {"adreno", "no 64-bit integers in shaders"},
+    {"mali", "no 64-bit integers in shaders"},
+    {"swiftshader", "no 64-bit integers in shaders"},
+    {"weakest", "no 64-bit integers in shaders"},
+    {"mali_small", "Vulkan 1.1.0 is older than 1.2"},
+    {"raspberry_pi", "no scalarBlockLayout"},
+};
+
+void expectMachineError(const std::function<void()>& run, const std::string& words) {
+    try {
+        run();
+        ADD_FAILURE() << "no error; expected one with: " << words;
+    } catch (const MachineError& error) {
+        EXPECT_NE(std::string(error.what()).find(words), std::string::npos) << error.what();
+    }
+}
+
+// A device under one line of limits.
+std::unique_ptr<Device> limitedBy(const test::Folder& folder, const std::string& text) {
+    folder.write("limits.txt", text);
+    return std::make_unique<Device>(DeviceOptions{.limits = folder / "limits.txt"});
+}
+
+class EnvironmentVariable {
+public:
+    EnvironmentVariable(const char* name, const char* value) : name_(name) {
+        if (const char* set = std::getenv(name)) before_ = set;
+        setenv(name, value, 1);
+    }
+    ~EnvironmentVariable() {
+        if (before_)
+            setenv(name_, before_->c_str(), 1);
+        else
+            unsetenv(name_);
+    }
+
+private:
+    const char* name_;
+    std::optional<std::string> before_;
+};
+
+// ---- what a device takes ------------------------------------------------------------------------
+
+TEST(KernelPath, AGpusKernelsOnRequest) {
+    EnvironmentVariable asked("DOPPEL_KERNELS", "gpu");
+    Device device;
+    const KernelPath& path = device.kernelPath();
+    EXPECT_FALSE(path.onCpu || path.texels);
+    EXPECT_EQ(path.vectorLanes, 0u);
+    EnvironmentVariable wrong("DOPPEL_KERNELS", "fast");
+    expectInputError([] { Device other; }, "DOPPEL_KERNELS: expected gpu");
+}
+
+TEST(KernelPath, FollowsFromWhatTheDeviceIs) {
+    EnvironmentVariable none("DOPPEL_KERNELS", "");
+    DeviceInfo info;
+    info.int64 = info.int64Atomics = info.addresses = true;
+    info.subgroupSize = 8;
+    info.texelAlignment = 16;
+    KernelPath path = kernelPathOf(info, Binding::Addresses);
+    EXPECT_FALSE(path.onCpu || path.texels || path.vectorLanes);
+    EXPECT_TRUE(path.int64Atomics);
+    info.cpu = true;
+    path = kernelPathOf(info, Binding::Addresses);
+    EXPECT_TRUE(path.onCpu && path.texels);
+    EXPECT_EQ(path.vectorLanes, 8u);
+    path = kernelPathOf(info, Binding::Descriptors);
+    EXPECT_TRUE(path.onCpu);
+    EXPECT_FALSE(path.texels || path.vectorLanes || path.int64Atomics);
+    info.texelAlignment = 256;
+    EXPECT_FALSE(kernelPathOf(info, Binding::Addresses).texels);
+    info.int64 = false;
+    path = kernelPathOf(info, Binding::Addresses);
+    EXPECT_FALSE(path.onCpu || path.int64Atomics) << "the builds for CPUs load pairs as integers";
+}
+
+// ---- limits -------------------------------------------------------------------------------------
+
+TEST(Limits, FilesAreReadToTheLetter) {
+    test::Folder folder;
+    expectInputError([&] { limitedBy(folder, "# one\nmaxPushConstants = 1\n"); },
+                     "line 2: maxPushConstants: there is no such limit");
+    expectInputError([&] { limitedBy(folder, "subgroupSize 3\n"); },
+                     "line 1: expected KEY = VALUE");
+    expectInputError([&] { limitedBy(folder, "subgroupSize = three\n"); },
+                     "subgroupSize: expected a whole number, found three");
+    expectInputError([&] { limitedBy(folder, "maxComputeWorkGroupCount = 1 2\n"); },
+                     "expected three whole numbers");
+    expectInputError([&] { limitedBy(folder, "shaderInt64 = 1\n"); }, "expected yes or no");
+    expectInputError([&] { Device device({.limits = folder / "none.txt"}); }, "cannot read it");
+    // Limits are never more than the device's own.
+    const auto device = limitedBy(folder, "maxComputeWorkGroupInvocations = 4000000000\n");
+    EXPECT_EQ(device->info().maxWorkgroupInvocations, Device().info().maxWorkgroupInvocations);
+}
+
+TEST(Limits, OfMemory) {
+    test::Folder folder;
+    auto device = limitedBy(folder, "maxMemoryAllocationSize = 1048576\n");
+    device->allocate(1 << 20, Memory::Device);
+    expectMachineError([&] { device->allocate((1 << 20) + 1, Memory::Device); },
+                       "(1048576 at once at most)");
+    device = limitedBy(folder, "maxMemoryAllocationCount = 2\n");
+    {
+        Buffer one = device->allocate(16, Memory::Device),
+               two = device->allocate(16, Memory::Upload);
+        expectMachineError([&] { device->allocate(16, Memory::Device); }, "2 allocations");
+    }
+    device->allocate(16, Memory::Device);  // they are free again
+    device = limitedBy(folder, "deviceHeapSize = 1048576\n");
+    Buffer most = device->allocate(1 << 19, Memory::Device);
+    device->allocate(1 << 20, Memory::Upload);
+    expectMachineError([&] { device->allocate((1 << 19) + 1, Memory::Device); }, "are in use");
+}
+
+TEST(Limits, OfWorkgroups) {
+    test::Folder folder;
+    auto device = limitedBy(folder, "maxComputeWorkGroupCount = 65535 65535 2\n");
+    Graph graph(*device);
+    graph.beginOp("scales");
+    Tensor x = graph.input({64}), y = graph.temporary({64});
+    graph.output(y);
+    struct {
+        uint32_t n = 64;
+        float slope = 1;
+    } params;
+    graph.dispatchGroups("elementwise/leaky_relu.forward", {{"x", x}, {"y", y}}, params, {1, 1, 3});
+    expectMachineError([&] { graph.compile(); }, "needs 1 x 1 x 3 workgroups");
+    const auto small = limitedBy(folder, "maxComputeWorkGroupInvocations = 256\n");
+    expectMachineError(
+        [&] {
+            small->kernel("elementwise/leaky_relu.forward", {{"local_size", 512}});
+        },
+        "needs 512 invocations in a workgroup");
+}
+
+// Sums of a workgroup are made in its memory, two numbers per invocation.
+TEST(Limits, OfSharedMemory) {
+    auto row = std::ranges::find(shaderTable(), std::string_view("loss/silhouette_iou_loss.finish"),
+                                 &ShaderTableRow::name);
+    ASSERT_NE(row, shaderTable().end());
+    EXPECT_EQ(sharedBytes(row->addresses, {}), 64u * 8);
+    EXPECT_EQ(sharedBytes(row->descriptors, {{"local_size", 256}}), 256u * 8);
+    auto none = std::ranges::find(shaderTable(), std::string_view("elementwise/add.forward"),
+                                  &ShaderTableRow::name);
+    EXPECT_EQ(sharedBytes(none->addresses, {}), 0u);
+    test::Folder folder;
+    const auto device = limitedBy(folder, "maxComputeSharedMemorySize = 1024\n");
+    expectMachineError(
+        [&] {
+            device->kernel(row->name, {{"local_size", 256}});
+        },
+        "needs 2048 bytes of shared memory");
+}
+
+// Memory that the host does not see is reached by copies.
+TEST(Limits, OfMappedMemory) {
+    test::Folder folder;
+    const auto device = limitedBy(folder, "hostVisibleDeviceMemory = no\n");
+    Buffer buffer = device->allocate(1000, Memory::Device);
+    EXPECT_EQ(buffer.mapped(), nullptr);
+    std::vector<float> values(250), back(100);
+    std::iota(values.begin(), values.end(), 0.0f);
+    device->upload({&buffer, 0, 1000}, std::as_bytes(std::span(values)));
+    device->download({&buffer, 200, 400}, std::as_writable_bytes(std::span(back)));
+    for (size_t i = 0; i < back.size(); ++i) EXPECT_EQ(back[i], values[50 + i]);
+}
+
+// Slices begin at any 16 bytes, which not every device's descriptors can.
+TEST(Limits, OfDescriptorsOffsets) {
+    test::Folder folder;
+    const auto device =
+        limitedBy(folder, "bufferDeviceAddress = no\nminStorageBufferOffsetAlignment = 256\n");
+    ASSERT_EQ(device->binding(), Binding::Descriptors);
+    Graph graph(*device);
+    Tensor x = graph.input({40}), target = graph.temporary({40});
+    Tensor y = leakyRelu(graph, x.slice(4, 8), 0.5f);
+    graph.fill(target);
+    graph.copy(y, target.slice(12, 8));
+    addInto(graph, target.slice(12, 8), y);
+    addInto(graph, target.slice(20, 8), x.slice(32, 8));
+    graph.output(target);
+    graph.compile();
+    std::vector<float> values(40), expected(40);
+    for (size_t i = 0; i < 40; ++i) values[i] = static_cast<float>(i);
+    for (size_t i = 0; i < 8; ++i) {
+        expected[12 + i] = 2 * values[4 + i];
+        expected[20 + i] = values[32 + i];
+    }
+    graph.write(x, values);
+    for (int i = 0; i < 2; ++i) graph.run();
+    EXPECT_EQ(graph.read<float>(target), expected);
+}
+
+// However finely a recording is cut, it computes the same bits.
+TEST(Submissions, AreCutByTheWorkInThem) {
+    EnvironmentVariable gpu("DOPPEL_KERNELS", "gpu");
+    auto run = [&](double seconds, size_t* submissions) {
+        Device device({.secondsPerSubmit = seconds});
+        Graph graph(device);
+        Tensor a = graph.variable({3, 70, 40}), b = graph.variable({3, 40, 90});
+        Tensor y = leakyRelu(graph, matmul(graph, a, b), 0.2f);
+        Tensor dy = graph.input(y.shape);
+        graph.backward({{y, dy}});
+        const std::vector<Tensor> outputs{y, graph.gradient(a), graph.gradient(b)};
+        for (const Tensor& tensor : outputs) graph.output(tensor);
+        graph.compile();
+        auto write = [&](const Tensor& tensor, uint32_t seed) {
+            const std::vector<double> values = random(tensor.shape, seed).data;
+            graph.write(tensor, std::vector<float>(values.begin(), values.end()));
+        };
+        write(a, 1);
+        write(b, 2);
+        write(dy, 3);
+        for (int i = 0; i < 2; ++i) graph.run();
+        *submissions = graph.submissionCount();
+        std::vector<std::vector<float>> results;
+        for (const Tensor& tensor : outputs) results.push_back(graph.read<float>(tensor));
+        return results;
+    };
+    size_t whole = 0, cut = 0, fine = 0;
+    const auto expected = run(1, &whole);
+    EXPECT_EQ(whole, 1u);
+    EXPECT_EQ(run(4e-6, &cut), expected);
+    EXPECT_GT(cut, 3u);
+    EXPECT_EQ(run(1e-7, &fine), expected) << "dispatches are cut as well";
+    EXPECT_GT(fine, cut + 10);
+}
+
+TEST(Limits, EveryFileIsADevice) {
+    for (const Expected& expected : kDevices) {
+        SCOPED_TRACE(expected.file);
+        const fs::path limits = limitsFolder() / (std::string(expected.file) + ".txt");
+        const std::string refusal = expected.refusal;
+        if (!refusal.empty()) {
+            expectMachineError([&] { Device device({.limits = limits}); }, refusal);
+            continue;
+        }
+        Device device({.limits = limits});
+        EXPECT_FALSE(device.kernelPath().onCpu);
+        Graph graph(device);
+        Tensor a = graph.input({1, 9, 7}), b = graph.input({1, 7, 5}), y = matmul(graph, a, b);
+        graph.output(y);
+        graph.compile();
+        graph.write(a, std::vector<float>(63, 2));
+        graph.write(b, std::vector<float>(35, 3));
+        graph.run();
+        EXPECT_EQ(graph.read<float>(y), std::vector<float>(45, 42));
+    }
+    for (const auto& entry : fs::directory_iterator(limitsFolder()))
+        EXPECT_TRUE(std::ranges::any_of(kDevices, [&](const Expected& device) {
+            return entry.path().stem() == device.file;
+        })) << entry.path();
+}
+
+}  // namespace
+}  // namespace doppel
