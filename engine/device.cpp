@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <cstring>
 
+#include "engine/device_match.h"
 #include "engine/instance.h"
 
 namespace doppel {
@@ -23,6 +24,8 @@ std::filesystem::path limitsWanted(const DeviceOptions& options) {
     return set ? set : "";
 }
 
+}  // namespace
+
 bool matches(const DeviceInfo& info, const std::string& wanted) {
     if (wanted.empty()) return true;
     uint32_t index = 0;
@@ -35,8 +38,6 @@ bool matches(const DeviceInfo& info, const std::string& wanted) {
     };
     return lower(info.name).find(lower(wanted)) != std::string::npos;
 }
-
-}  // namespace
 
 Precision precisionNamed(std::string_view name) {
     if (name == "fp32") return Precision::Single;

@@ -7,8 +7,9 @@
 
 #include "tests/files.h"
 #include "tests/op_test.h"
-#include "trainer/commands/commands.h"
-#include "trainer/data/synthetic.h"
+#include "trainer/commands/ablate.h"
+#include "trainer/commands/train.h"
+#include "trainer/motion/synthetic.h"
 
 namespace doppel {
 namespace {

@@ -1,5 +1,5 @@
 // Background plates against a wall that is known.
-#include "trainer/data/background.h"
+#include "trainer/avatar/background.h"
 
 #include <gtest/gtest.h>
 

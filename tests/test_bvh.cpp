@@ -6,13 +6,13 @@
 
 #include "engine/error.h"
 #include "nn/body/body.h"
+#include "nn/body/joint.h"
 #include "tests/files.h"
 #include "trainer/avatar/avatar.h"
 #include "trainer/avatar/export.h"
 #include "trainer/avatar/rendering.h"
-#include "trainer/data/session.h"
 #include "trainer/motion/bvh.h"
-#include "trainer/motion/joints.h"
+#include "trainer/motion/session.h"
 
 namespace doppel {
 namespace {

@@ -11,6 +11,10 @@
 #include "engine/npz.h"
 #include "tests/files.h"
 #include "trainer/data/capture.h"
+#include "trainer/data/capture_writer.h"
+#include "trainer/data/crop.h"
+#include "trainer/data/frame_selection.h"
+#include "trainer/motion/motion.h"
 
 namespace doppel {
 namespace {
@@ -349,7 +353,7 @@ TEST(Capture, SaysWhatIsWrong) {
         values.body[7] = -1e20f;
         values.write(c / "poses.npz");
     });
-    expect("c/poses.npz: betas: expected numbers from -1000 to 1000, found 1e+09", [&] {
+    expect("c/poses.npz: betas: expected numbers from -1000 to 1000, found 1000000000", [&] {
         PoseValues values(3);
         values.betas[1] = 1e9f;
         values.write(c / "poses.npz");
@@ -439,6 +443,44 @@ TEST(Motion, ReadsCapturesAndPoses) {
     EXPECT_NE(
         messageOf<InputError>([&] { readMotion(folder / "missing.npz"); }).find("found nothing"),
         std::string::npos);
+}
+
+// A format that this file adds.
+const MotionFormat kStill{{
+    .looks = "a still.txt",
+    .ending = ".still",
+    .recognises = [](const fs::path&, std::string_view begin) { return begin == "stands still"; },
+    .read =
+        [](const fs::path& path) {
+            Motion motion;
+            motion.source = path;
+            motion.theta.resize(2);
+            motion.trans.resize(2);
+            return motion;
+        },
+}};
+
+TEST(Motion, AFormatIsOneDeclaration) {
+    Folder folder;
+    folder.write("a.STILL", std::string("anything"));
+    EXPECT_EQ(readMotion(folder / "a.STILL").size(), 2u);
+    folder.write("noted", std::string("stands still"));
+    EXPECT_EQ(readMotion(folder / "noted").size(), 2u);
+    // By content, whatever the name; what the name says comes first.
+    writeForeignCapture(folder / "c.still", 3);
+    EXPECT_EQ(readMotion(folder / "c.still").size(), 3u);
+    fs::rename(folder / "c.still/poses.npz", folder / "poses.backup");
+    EXPECT_EQ(readMotion(folder / "poses.backup").size(), 3u);
+    folder.write("dance.txt", std::string("\xef\xbb\xbf HIERARCHY\nROOT"));
+    EXPECT_NE(messageOf<InputError>([&] {
+                  readMotion(folder / "dance.txt");
+              }).find("dance.txt: line 2: expected"),
+              std::string::npos);
+    folder.write("other.txt", std::string("nothing of the kind"));
+    EXPECT_EQ(messageOf<InputError>([&] { readMotion(folder / "other.txt"); }),
+              (folder / "other.txt").string() +
+                  ": expected a motion: a .bvh, a capture's folder, a poses.npz or a still.txt, "
+                  "found another kind of file");
 }
 
 TEST(SelectFrames, Ranges) {

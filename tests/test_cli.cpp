@@ -7,11 +7,20 @@
 #include <fstream>
 #include <iostream>
 #include <iterator>
+#include <nlohmann/json.hpp>
 #include <sstream>
+#include <tuple>
 
 #include "engine/error.h"
 #include "tests/files.h"
+#include "trainer/commands/ablate.h"
 #include "trainer/commands/cli.h"
+#include "trainer/commands/demo.h"
+#include "trainer/commands/eval.h"
+#include "trainer/commands/export.h"
+#include "trainer/commands/import.h"
+#include "trainer/commands/render.h"
+#include "trainer/commands/train.h"
 #include "trainer/data/progress.h"
 
 namespace doppel {
@@ -20,44 +29,85 @@ namespace {
 using test::Folder;
 using test::messageOf;
 
-// What one command line leads to.
+// A command that this file adds: whether it is shown, parsed and run like the others.
+struct GreetOptions {
+    CommonOptions common;
+    std::filesystem::path out;
+    Preset preset;
+    int times = 1;
+};
+int greeted = 0;
+
+const Command<GreetOptions> kGreet{{
+    .name = "greet",
+    .place = 35,
+    .summary = "Say hello",
+    .description = "Says hello, once or more.",
+    .example = "doppel greet --times 2",
+    .flags =
+        [](CommandFlags& flags, GreetOptions& o) {
+            flags.path("--out", o.out, "Where to");
+            flags->add_option("--times", o.times, "How often");
+            flags.preset("ci");
+        },
+    .check =
+        [](GreetOptions& o) {
+            if (o.times == 13) throwInput("--times: expected another number, found 13");
+        },
+    .run = [](const GreetOptions& o) { greeted += o.times; },
+}};
+
+// What one command line leads to: the options of the one command that was called.
 struct Outcome {
     int status = -1;
     std::string called, out, err;
     ImportOptions import;
-    FitOptions fit;
     TrainOptions train;
     RenderOptions render;
     EvalOptions eval;
     AblateOptions ablate;
     ExportOptions exporting;
-    ViewOptions view;
     DemoOptions demo;
+    GreetOptions greet;
     CommonOptions common;
 };
 
 Outcome run(
     const std::vector<std::string>& arguments, const std::function<void()>& during = [] {}) {
     Outcome o;
-    const auto keep = [&](const char* name, auto& place) {
-        return [&o, &place, &during, name](const auto& options) {
-            o.called = name;
-            place = options;
-            o.common = options.common;
-            during();
-        };
-    };
-    DevicesOptions devices;
-    const Commands commands{
-        keep("devices", devices), keep("import", o.import),    keep("fit", o.fit),
-        keep("train", o.train),   keep("render", o.render),    keep("eval", o.eval),
-        keep("ablate", o.ablate), keep("export", o.exporting), keep("view", o.view),
-        keep("demo", o.demo),     [&] { o.called = "bench"; }};
     std::ostringstream out, err;
-    o.status = runCommandLine(arguments, commands, out, err);
+    o.status = runCommandLine(arguments, out, err, [&](const ParsedCommand& command) {
+        const auto keep = [&]<typename Options>(Options& place) {
+            if (const auto* options = std::any_cast<Options>(&command.options)) place = *options;
+        };
+        keep(o.import), keep(o.train), keep(o.render), keep(o.eval), keep(o.ablate);
+        keep(o.exporting), keep(o.demo), keep(o.greet);
+        o.called = command.name;
+        o.common = command.common;
+        during();
+    });
     o.out = out.str();
     o.err = err.str();
     return o;
+}
+
+TEST(CommandLine, ACommandIsOneDeclaration) {
+    const Outcome o = run({"greet", "--times", "3", "--set", "mesh.batch=2", "--seed", "4"});
+    EXPECT_EQ(o.status, 0) << o.err;
+    EXPECT_EQ(o.called, "greet");
+    EXPECT_EQ(o.greet.times, 3);
+    EXPECT_EQ(o.greet.common.seed, 4u);
+    EXPECT_EQ(o.greet.preset.mesh.batch, 2);
+    EXPECT_EQ(run({"greet", "--times", "13"}).err,
+              "doppel: --times: expected another number, found 13\n");
+    const std::string help = run({"--help"}).out;
+    EXPECT_LT(help.find("\n  fit "), help.find("\n  greet "));
+    EXPECT_LT(help.find("\n  greet "), help.find("\n  train "));
+    EXPECT_NE(run({"greet", "--help"}).out.find("Says hello, once or more."), std::string::npos);
+    // Without anything in its place, the command itself runs.
+    std::ostringstream out, err;
+    EXPECT_EQ(runCommandLine({"greet", "--times", "2"}, out, err), 0) << err.str();
+    EXPECT_EQ(greeted, 2);
 }
 
 TEST(CommandLine, FillsOptions) {
@@ -65,12 +115,12 @@ TEST(CommandLine, FillsOptions) {
                                 "0:9", "--no-overlays", "--device", "llvmpipe", "--seed", "9"});
     EXPECT_EQ(import.status, 0) << import.err;
     EXPECT_EQ(import.called, "import");
-    EXPECT_EQ(import.import.source, "src");
-    EXPECT_EQ(import.import.out, "c");
-    EXPECT_TRUE(import.import.key);
-    EXPECT_FALSE(import.import.overlays);
-    EXPECT_EQ(import.import.fps, 25);
-    EXPECT_EQ(import.import.frames, "0:9");
+    EXPECT_EQ(import.import.settings.request.source, "src");
+    EXPECT_EQ(import.import.settings.out, "c");
+    EXPECT_TRUE(import.import.settings.request.key);
+    EXPECT_FALSE(import.import.settings.overlays);
+    EXPECT_EQ(import.import.settings.request.fps, 25);
+    EXPECT_EQ(import.import.settings.request.frames, "0:9");
     EXPECT_EQ(import.import.body, "default");
     EXPECT_EQ(import.common.device, "llvmpipe");
     EXPECT_EQ(import.common.seed, 9u);
@@ -185,7 +235,8 @@ TEST(CommandLine, ConfigUnderFlags) {
     EXPECT_TRUE(o.train.preset.mesh.dilateMask);
     EXPECT_EQ(o.train.preset.texture.region, Region::Intersection);
     // The same file serves another command, and flags win.
-    EXPECT_EQ(run({"import", "s", "--out", "c", "--config", config}).import.fps, 12);
+    EXPECT_EQ(run({"import", "s", "--out", "c", "--config", config}).import.settings.request.fps,
+              12);
     EXPECT_EQ(
         run({"train", "c", "--out", "a", "--config", config, "--preset", "ci"}).train.preset.name,
         "ci");
@@ -240,6 +291,75 @@ TEST(CommandLine, RefusesWithOneLineAndTwo) {
     refuse({"render", "a", "--motion", "m", "--out", "d", "--background", "green"},
            "--background: expected capture or a colour as #rrggbb, found \"green\"");
     refuse({"export", "a", "--out", "a.obj"}, "--out: expected a name that ends in .glb");
+    refuse({"train", "c", "--out", "a", "--memory", "-5"},
+           "--memory: expected a number of bytes, as 6GB or 512MB, found \"-5\"");
+    refuse({"train", "c", "--out", "a", "--memory", "0"}, "--memory: expected more than 0 bytes");
+    refuse({"train", "c", "--out", "a", "--preset", ""}, "--preset: expected one of ci, small");
+}
+
+TEST(CommandLine, PathsAreNotEmpty) {
+    const auto refuse = [](const std::vector<std::string>& arguments, const std::string& name) {
+        const Outcome o = run(arguments);
+        EXPECT_EQ(o.status, 2) << name;
+        EXPECT_TRUE(o.called.empty()) << o.called;
+        EXPECT_NE(o.err.find(name + ": expected a path, found an empty text"), std::string::npos)
+            << o.err;
+    };
+    refuse({"fit", "c", "--out", ""}, "--out");
+    refuse({"fit", "", "--out", "d"}, "CAPTURE");
+    refuse({"import", "s", "--out", ""}, "--out");
+    refuse({"train", "c", "--out", ""}, "--out");
+    refuse({"render", "a", "--motion", "m", "--out", ""}, "--out");
+    refuse({"render", "a", "--motion", "", "--out", "d"}, "--motion");
+    refuse({"eval", "a", "c", "--out", ""}, "--out");
+    refuse({"eval", "a", "c", "--pictures", ""}, "--pictures");
+    refuse({"ablate", "c", "--out", ""}, "--out");
+    refuse({"export", "a", "--out", ""}, "--out");
+    refuse({"demo", "--out", ""}, "--out");
+    refuse({"demo", "--config", ""}, "--config");
+    Folder folder;
+    folder.write("run.toml", std::string("out = \"\""));
+    refuse({"demo", "--config", (folder / "run.toml").string()}, "run.toml: out: --out");
+}
+
+TEST(CommandLine, JsonTakesTextsThatAreNotUtf8) {
+    testing::internal::CaptureStdout();
+    printJson({{"out", "caf\xe9/avatar.glb"}, {"frames", 3}});
+    const auto json = nlohmann::json::parse(testing::internal::GetCapturedStdout());
+    EXPECT_EQ(json["out"], "caf\xef\xbf\xbd/avatar.glb");
+    EXPECT_EQ(json["frames"], 3);
+}
+
+TEST(Devices, DeviceChoosesAmongThem) {
+    const auto devices = [](std::vector<std::string> more) {
+        std::vector<std::string> arguments{"devices", "--json"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        std::ostringstream out, err;
+        testing::internal::CaptureStdout();
+        const int status = runCommandLine(arguments, out, err);
+        const std::string printed = testing::internal::GetCapturedStdout();
+        return std::tuple(status, err.str(), printed);
+    };
+    const auto [status, err, printed] = devices({});
+    ASSERT_EQ(status, 0) << err;
+    const auto all = nlohmann::json::parse(printed)["devices"];
+    ASSERT_FALSE(all.empty());
+    for (const auto& device : all) {
+        const auto [one, error, text] =
+            devices({"--device", fmt::format("{}", device["index"].get<int>())});
+        const auto shown = nlohmann::json::parse(text)["devices"];
+        ASSERT_EQ(shown.size(), 1u);
+        EXPECT_EQ(shown[0]["name"], device["name"]);
+        EXPECT_EQ(shown[0]["chosen"], device["refusals"].empty());
+    }
+    const auto [none, error, text] = devices({"--device", "no such device"});
+    EXPECT_EQ(none, 2);
+    EXPECT_EQ(text, "");
+    EXPECT_NE(error.find("--device: expected a number or part of a name of 0 " +
+                         all[0]["name"].get<std::string>()),
+              std::string::npos)
+        << error;
+    EXPECT_NE(error.find("found \"no such device\""), std::string::npos) << error;
 }
 
 TEST(CommandLine, ExitStatusSaysWhoseFaultItIs) {

@@ -7,8 +7,8 @@
 #include "engine/io/image.h"
 #include "tests/files.h"
 #include "tests/op_test.h"
-#include "trainer/commands/commands.h"
-#include "trainer/data/synthetic.h"
+#include "trainer/commands/eval.h"
+#include "trainer/motion/synthetic.h"
 
 namespace doppel {
 namespace {

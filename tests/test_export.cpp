@@ -18,8 +18,8 @@
 #include "tests/op_test.h"
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/avatar/networks.h"
-#include "trainer/commands/commands.h"
-#include "trainer/data/session.h"
+#include "trainer/commands/export.h"
+#include "trainer/motion/session.h"
 
 namespace doppel {
 namespace {

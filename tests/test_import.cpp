@@ -181,15 +181,28 @@ void writeDataset(const fs::path& folder, bool masks) {
 
 ImportResult import(const fs::path& from, const fs::path& to, bool key = false,
                     const std::string& frames = "") {
-    ImportOptions options;
-    options.source = from;
-    options.out = to;
-    options.key = key;
-    options.fps = 24;
-    options.frames = frames;
-    return importCapture(options, [](const Camera& camera, const Theta&, const Trans& trans,
-                                     const Betas&) { return boxBody(camera, double(trans[0])); });
+    ImportSettings settings;
+    settings.request.source = from;
+    settings.out = to;
+    settings.request.key = key;
+    settings.request.fps = 24;
+    settings.request.frames = frames;
+    return importCapture(settings, [](const Camera& camera, const Theta&, const Trans& trans,
+                                      const Betas&) { return boxBody(camera, double(trans[0])); });
 }
+
+// A layout that this file adds.
+const Importer kOneFile{{
+    .name = "one-file",
+    .looks = "recording.txt (a test's)",
+    .recognises = [](const fs::path& source) { return fs::exists(source / "recording.txt"); },
+    .read =
+        [](const ImportRequest& request) {
+            Capture capture = readCapture(request.source / "inside");
+            capture.fps = request.fps;
+            return capture;
+        },
+}};
 
 TEST(Import, RetargetingWithMasks) {
     Folder folder;
@@ -331,7 +344,7 @@ TEST(Import, SaysWhatIsWrongAndLeavesNothing) {
     folder.write("notes.txt", "x");
     EXPECT_NE(messageOf<InputError>([&] {
                   import(src, folder.path());
-              }).find("expected an empty folder or one with capture.toml"),
+              }).find("expected an empty folder or one that Doppel wrote as capture"),
               std::string::npos);
 }
 
@@ -424,6 +437,25 @@ TEST(Overlay, ShowsBodyAndOutlines) {
     EXPECT_EQ(sheet.height, 10);
 }
 
+TEST(Import, AnImporterIsOneDeclaration) {
+    Folder folder;
+    writeDataset(folder / "src", true);
+    import(folder / "src", folder / "own/inside");
+    folder.write("own/recording.txt", std::string("x"));
+    const ImportResult result = import(folder / "own", folder / "out");
+    EXPECT_EQ(result.layout, "one-file");
+    EXPECT_EQ(result.capture.fps, 24);
+    EXPECT_EQ(result.capture.size(), 3u);
+    // The error for what nobody knows lists what is known.
+    fs::create_directories(folder / "empty");
+    EXPECT_NE(
+        messageOf<InputError>([&] { import(folder / "empty", folder / "out2"); })
+            .find("empty: expected a known layout: images/ and smpl_pose/ (Human Retargeting), "
+                  "or images/, cameras.npz and poses.npz (a capture), or recording.txt (a "
+                  "test's); found an empty folder"),
+        std::string::npos);
+}
+
 // ---- the dataset itself, where it is ------------------------------------------------------------
 
 fs::path dataset() {
@@ -433,14 +465,14 @@ fs::path dataset() {
 TEST(ImportData, EightViews) {
     if (!fs::exists(dataset() / "8-views")) GTEST_SKIP() << "no dataset in ../shared/data";
     Folder folder;
-    ImportOptions options;
-    options.source = dataset() / "8-views";
-    options.out = folder / "out";
-    options.frames = "0,3";
+    ImportSettings settings;
+    settings.request.source = dataset() / "8-views";
+    settings.out = folder / "out";
+    settings.request.frames = "0,3";
     const auto nobody = [](const Camera& camera, const Theta&, const Trans&, const Betas&) {
         return BodyPicture{std::vector<uint8_t>(size_t(camera.width * camera.height), 0), {}};
     };
-    const ImportResult result = importCapture(options, nobody);
+    const ImportResult result = importCapture(settings, nobody);
     const Capture& capture = result.capture;
     ASSERT_EQ(capture.size(), 2u);
     EXPECT_EQ(capture.frames[0].camera, (Camera{1150, 1150, 500, 540, 1000, 1080}));
@@ -458,11 +490,11 @@ TEST(ImportData, Box) {
     if (!fs::exists(dataset() / "box")) GTEST_SKIP() << "no dataset in ../shared/data";
     // The dataset's own renders stand in for the body: the white around them is not.
     Folder folder;
-    ImportOptions options;
-    options.source = dataset() / "box";
-    options.out = folder / "out";
-    options.key = true;
-    options.frames = "0::40";
+    ImportSettings settings;
+    settings.request.source = dataset() / "box";
+    settings.out = folder / "out";
+    settings.request.key = true;
+    settings.request.frames = "0::40";
     std::vector<fs::path> renders;
     for (const char* name : {"000", "040", "080"}) {
         renders.push_back(dataset() / fmt::format("box/smpl_render/GOPR95420000000{}.jpg", name));
@@ -478,7 +510,7 @@ TEST(ImportData, Box) {
         }
         return bodies[trans[0]] = body;
     };
-    const ImportResult result = importCapture(options, draw);
+    const ImportResult result = importCapture(settings, draw);
     EXPECT_EQ(result.keyedMasks, 3u);
     EXPECT_EQ(result.capture.keypoints->scheme, "openpose25");
     EXPECT_GT(result.meanIou, .7);

@@ -129,7 +129,17 @@ TEST(Metrics, FramesAndJson) {
     EXPECT_DOUBLE_EQ(json["iou"], .75);
     EXPECT_DOUBLE_EQ(json["mse_frame"], one.mseFrame / 2);
     EXPECT_EQ(json["per_frame"][1]["name"], "two");
-    EXPECT_FALSE(nlohmann::json::parse(metricsJson(frames, {})).contains("per_frame"));
+    const auto plain = nlohmann::json::parse(metricsJson(frames, {}));
+    EXPECT_FALSE(plain.contains("per_frame"));
+    EXPECT_FALSE(plain.contains("remarks"));
+    // Every remark, and names that are not UTF-8.
+    std::vector<FrameMetrics> named = frames;
+    named[0].name = "caf\xe9";
+    const auto remarked = nlohmann::json::parse(
+        metricsJson(named, {}, true, {}, {"LPIPS was left out", "FVD was left out"}));
+    EXPECT_EQ(remarked["remarks"].size(), 2u);
+    EXPECT_EQ(remarked["remarks"][0], "LPIPS was left out");
+    EXPECT_EQ(remarked["per_frame"][0]["name"], "caf\xef\xbf\xbd");
 }
 
 }  // namespace

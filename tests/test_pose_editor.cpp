@@ -6,7 +6,7 @@
 #include "engine/error.h"
 #include "engine/npz.h"
 #include "tests/files.h"
-#include "trainer/data/capture.h"
+#include "trainer/motion/motion.h"
 #include "viewer/pose_editor.h"
 
 namespace doppel {

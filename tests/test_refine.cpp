@@ -10,10 +10,10 @@
 #include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/bake.h"
 #include "trainer/avatar/rendering.h"
-#include "trainer/commands/commands.h"
-#include "trainer/data/synthetic.h"
+#include "trainer/commands/train.h"
 #include "trainer/eval/evaluate.h"
 #include "trainer/motion/smooth.h"
+#include "trainer/motion/synthetic.h"
 #include "trainer/stages/train.h"
 
 namespace doppel {

@@ -21,7 +21,8 @@
 #include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/avatar/networks.h"
-#include "trainer/data/session.h"
+#include "trainer/data/capture_writer.h"
+#include "trainer/motion/session.h"
 
 namespace doppel {
 namespace {

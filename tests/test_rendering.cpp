@@ -13,10 +13,11 @@
 #include "engine/io/video.h"
 #include "tests/files.h"
 #include "tests/op_test.h"
-#include "trainer/commands/commands.h"
-#include "trainer/data/background.h"
+#include "trainer/avatar/background.h"
+#include "trainer/commands/render.h"
+#include "trainer/data/capture_writer.h"
 #include "trainer/data/progress.h"
-#include "trainer/data/session.h"
+#include "trainer/motion/session.h"
 
 namespace doppel {
 namespace {

@@ -11,6 +11,7 @@
 #include "engine/error.h"
 #include "engine/io/image.h"
 #include "tests/files.h"
+#include "trainer/data/capture_writer.h"
 
 namespace doppel {
 namespace {

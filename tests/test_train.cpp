@@ -11,9 +11,9 @@
 #include "tests/files.h"
 #include "tests/op_test.h"
 #include "trainer/avatar/checkpoint.h"
-#include "trainer/commands/commands.h"
-#include "trainer/data/synthetic.h"
+#include "trainer/commands/train.h"
 #include "trainer/eval/evaluate.h"
+#include "trainer/motion/synthetic.h"
 
 namespace doppel {
 namespace {

@@ -6,7 +6,7 @@
 #include "tests/files.h"
 #include "tests/op_test.h"
 #include "trainer/avatar/avatar.h"
-#include "trainer/data/synthetic.h"
+#include "trainer/motion/synthetic.h"
 
 namespace doppel {
 namespace {

@@ -20,9 +20,10 @@
 #include "tests/files.h"
 #include "tests/op_test.h"
 #include "tests/screen.h"
+#include "trainer/avatar/background.h"
 #include "trainer/avatar/networks.h"
-#include "trainer/data/background.h"
-#include "trainer/data/session.h"
+#include "trainer/data/capture_writer.h"
+#include "trainer/motion/session.h"
 
 namespace doppel {
 namespace {

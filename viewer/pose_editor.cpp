@@ -8,6 +8,7 @@
 
 #include "engine/error.h"
 #include "engine/npz.h"
+#include "trainer/motion/motion.h"
 
 namespace doppel {
 

@@ -8,7 +8,7 @@
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/avatar/networks.h"
 #include "trainer/data/body_render.h"
-#include "trainer/motion/joints.h"
+#include "trainer/data/pose.h"
 
 namespace doppel {
 

@@ -12,6 +12,7 @@
 
 #include "engine/device.h"
 #include "trainer/avatar/avatar.h"
+#include "trainer/data/camera.h"
 #include "view/params.h"
 
 namespace doppel {

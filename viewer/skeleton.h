@@ -11,8 +11,7 @@
 #include <glm/gtc/quaternion.hpp>
 
 #include "nn/body/body.h"
-#include "trainer/data/capture.h"
-#include "trainer/motion/joints.h"
+#include "trainer/data/pose.h"
 
 namespace doppel {
 

@@ -10,8 +10,9 @@
 #include "engine/atomic_file.h"
 #include "engine/error.h"
 #include "trainer/avatar/export.h"
+#include "trainer/avatar/picture_sequence.h"
 #include "trainer/avatar/rendering.h"
-#include "trainer/data/picture_sequence.h"
+#include "trainer/data/frame_selection.h"
 
 namespace doppel {
 namespace fs = std::filesystem;

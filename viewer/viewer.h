@@ -13,6 +13,8 @@
 
 #include "engine/device.h"
 #include "engine/io/image.h"
+#include "trainer/data/frame_cache.h"
+#include "trainer/motion/motion.h"
 #include "viewer/ik.h"
 #include "viewer/live_avatar.h"
 #include "viewer/orbit_camera.h"

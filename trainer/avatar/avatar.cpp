@@ -11,10 +11,10 @@
 #include "engine/io/pickle.h"
 #include "engine/io/safetensors.h"
 #include "trainer/avatar/checkpoint.h"
+#include "trainer/avatar/sheet.h"
 #include "trainer/data/output_folder.h"
-#include "trainer/data/sheet.h"
-#include "trainer/data/synthetic.h"
 #include "trainer/data/version.h"
+#include "trainer/motion/synthetic.h"
 
 namespace doppel {
 

@@ -20,7 +20,7 @@
 #include "engine/io/safetensors.h"
 #include "nn/body/body.h"
 #include "trainer/avatar/preset.h"
-#include "trainer/data/capture.h"
+#include "trainer/data/pose.h"
 
 namespace doppel {
 

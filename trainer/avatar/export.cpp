@@ -10,8 +10,8 @@
 #include "engine/error.h"
 #include "nn/body/body.h"
 #include "trainer/avatar/avatar_renderer.h"
-#include "trainer/data/sheet.h"
-#include "trainer/motion/joints.h"
+#include "trainer/avatar/sheet.h"
+#include "trainer/data/pose.h"
 
 namespace doppel {
 

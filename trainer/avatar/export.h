@@ -12,7 +12,7 @@
 #include "engine/device.h"
 #include "engine/io/gltf.h"
 #include "trainer/avatar/avatar.h"
-#include "trainer/data/capture.h"
+#include "trainer/motion/motion.h"
 
 namespace doppel {
 

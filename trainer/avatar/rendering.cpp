@@ -8,13 +8,13 @@
 
 #include "engine/io/image.h"
 #include "trainer/avatar/avatar_renderer.h"
+#include "trainer/avatar/background.h"
 #include "trainer/avatar/export.h"
-#include "trainer/data/background.h"
-#include "trainer/data/picture_sequence.h"
+#include "trainer/avatar/picture_sequence.h"
+#include "trainer/avatar/sheet.h"
+#include "trainer/data/pose.h"
 #include "trainer/data/progress.h"
-#include "trainer/data/session.h"
-#include "trainer/data/sheet.h"
-#include "trainer/motion/joints.h"
+#include "trainer/motion/session.h"
 
 namespace doppel {
 

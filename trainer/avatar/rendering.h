@@ -8,7 +8,7 @@
 
 #include "engine/device.h"
 #include "trainer/avatar/avatar.h"
-#include "trainer/data/capture.h"
+#include "trainer/motion/motion.h"
 
 namespace doppel {
 

@@ -1,5 +1,7 @@
 // The paper's ablations on one capture: each variant trained and measured, in a table like the
 // paper's table 2.
+#include "trainer/commands/ablate.h"
+
 #include <fmt/ranges.h>
 
 #include <algorithm>
@@ -9,10 +11,12 @@
 
 #include "engine/atomic_file.h"
 #include "trainer/avatar/checkpoint.h"
-#include "trainer/commands/commands.h"
+#include "trainer/commands/command.h"
+#include "trainer/data/frame_selection.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"
 #include "trainer/eval/results.h"
+#include "trainer/motion/motion.h"
 #include "trainer/stages/train.h"
 
 namespace doppel {
@@ -224,5 +228,45 @@ void runAblate(const AblateOptions& options) {
     else
         std::cout << resultsMarkdown(rows, remarks);
 }
+
+namespace {
+
+void declareFlags(CommandFlags& flags, AblateOptions& o) {
+    flags.precision();
+    flags.path("CAPTURE", o.capture, "Capture to read; it needs masks")->required();
+    flags.path("--out", o.out, "Folder to write")->required();
+    flags.frames(o.frames, "Frames to learn from");
+    flags->add_option("--test-frames", o.testFrames,
+                      "Frames to measure on; without it, those of the training");
+    flags->add_flag("--fit-test-poses", o.fitTestPoses,
+                    "Fit poses and positions (not shape) to the test frames first");
+    flags
+        ->add_option("--variants", o.variants, "Some of no-refine,no-clamp,complete,no-gan,no-face")
+        ->delimiter(',');
+    flags.body(o.body);
+    flags.preset("small");
+    flags.scene(o.scene);
+    flags.measures(o.measures);
+    flags.path("--pictures", o.pictures, "Folder for render, frame and difference side by side");
+    flags.memory(o.memoryBudget);
+}
+
+const Command<AblateOptions> kAblate{{
+    .name = "ablate",
+    .place = 70,
+    .summary = "Train the paper's ablations on one capture and compare them",
+    .description =
+        "Trains the variants of the paper's ablation study and prints its table 2 with our "
+        "figures:\nno-refine (coarse texture), no-clamp (unbounded offsets), complete, and "
+        "no-gan, no-face\n(without discriminators, without the face's). What variants have in "
+        "common is trained once.\nThe same command goes on where it was stopped. Avatars and "
+        "ablation.json, .csv, .md are left\nin the folder.",
+    .example = "doppel ablate capture --frames 0:90 --test-frames 90:120 "
+               "--fit-test-poses --out ablation",
+    .flags = declareFlags,
+    .run = runAblate,
+}};
+
+}  // namespace
 
 }  // namespace doppel

@@ -3,12 +3,18 @@
 #include <filesystem>
 
 #include "engine/error.h"
-#include "trainer/commands/commands.h"
+#include "trainer/commands/command.h"
 
 namespace doppel {
 namespace fs = std::filesystem;
 
-void runBench() {
+namespace {
+
+struct BenchOptions {
+    CommonOptions common;
+};
+
+void runBench(const BenchOptions&) {
     std::error_code error;
     const fs::path self = fs::read_symlink("/proc/self/exe", error);
     const fs::path bench = self.parent_path() / "doppel-bench";
@@ -20,5 +26,15 @@ void runBench() {
     }
     fmt::print("{}\n", bench.string());
 }
+
+const Command<BenchOptions> kBench{{
+    .name = "bench",
+    .place = 110,
+    .summary = "Say where doppel-bench is, which measures the device",
+    .example = "doppel bench",
+    .run = runBench,
+}};
+
+}  // namespace
 
 }  // namespace doppel

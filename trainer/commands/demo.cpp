@@ -1,4 +1,6 @@
 // The whole job on a person who comes with the program: capture, fit, train, render, export, eval.
+#include "trainer/commands/demo.h"
+
 #include <chrono>
 #include <fstream>
 #include <iostream>
@@ -7,15 +9,15 @@
 
 #include "engine/atomic_file.h"
 #include "trainer/avatar/avatar_renderer.h"
+#include "trainer/avatar/background.h"
 #include "trainer/avatar/export.h"
 #include "trainer/avatar/rendering.h"
-#include "trainer/commands/commands.h"
-#include "trainer/data/background.h"
+#include "trainer/avatar/sheet.h"
+#include "trainer/commands/command.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"
-#include "trainer/data/sheet.h"
-#include "trainer/data/synthetic.h"
 #include "trainer/eval/evaluate.h"
+#include "trainer/motion/synthetic.h"
 #include "trainer/stages/train.h"
 
 namespace doppel {
@@ -167,5 +169,27 @@ void runDemo(const DemoOptions& options) {
         "metrics.json\n",
         out.string());
 }
+
+namespace {
+
+void declareFlags(CommandFlags& flags, DemoOptions& o) {
+    flags.precision();
+    flags.path("--out", o.out, "Folder to write")->capture_default_str();
+    flags->add_option("--actor", o.actor, "woman or man")
+        ->check(CLI::IsMember({"woman", "man"}))
+        ->capture_default_str();
+    flags.preset("ci");
+}
+
+const Command<DemoOptions> kDemo{{
+    .name = "demo",
+    .place = 100,
+    .summary = "The whole job on the synthetic actor that comes with Doppel",
+    .example = "doppel demo --out out/demo",
+    .flags = declareFlags,
+    .run = runDemo,
+}};
+
+}  // namespace
 
 }  // namespace doppel

@@ -1,11 +1,11 @@
 #include <fmt/format.h>
 
-#include <iostream>
 #include <nlohmann/json.hpp>
 
 #include "engine/device.h"
+#include "engine/device_match.h"
 #include "engine/error.h"
-#include "trainer/commands/commands.h"
+#include "trainer/commands/command.h"
 
 namespace doppel {
 
@@ -29,11 +29,26 @@ std::string matricesText(const DeviceInfo& info) {
     return fmt::format("{}x{}x{}", shape.m, shape.n, shape.k);
 }
 
-}  // namespace
+struct DevicesOptions {
+    CommonOptions common;
+};
 
 void runDevices(const DevicesOptions& options) {
-    const std::vector<DeviceInfo> devices = Device::list();
-    // The one that a run without --device takes, and that --device asks for.
+    const std::string& wanted = options.common.device;
+    std::vector<DeviceInfo> devices = Device::list();
+    if (devices.empty()) {
+        if (options.common.json)
+            printJson(nlohmann::ordered_json{{"devices", nlohmann::ordered_json::array()}});
+        throwMachine("no Vulkan device; `. build/env.sh` brings lavapipe, the software one");
+    }
+    std::string names;
+    for (const DeviceInfo& info : devices)
+        names += fmt::format("{}{} {}", names.empty() ? "" : ", ", info.index, info.name);
+    std::erase_if(devices, [&](const DeviceInfo& info) { return !matches(info, wanted); });
+    if (devices.empty())
+        throwInput("--device: expected a number or part of a name of {}, found \"{}\"", names,
+                   wanted);
+    // The one that a run with this --device takes, or without one.
     const DeviceInfo* best = nullptr;
     for (const DeviceInfo& info : devices) {
         if (info.refusals.empty() && (best == nullptr || info.score > best->score)) best = &info;
@@ -57,11 +72,13 @@ void runDevices(const DevicesOptions& options) {
                             {"refusals", info.refusals},
                             {"chosen", &info == best}});
         }
-        std::cout << nlohmann::ordered_json{{"devices", list}}.dump(2) << "\n";
+        printJson(nlohmann::ordered_json{{"devices", list}});
     } else {
         for (const DeviceInfo& info : devices) {
             fmt::print("{} {}{}\n", info.index, info.name,
-                       &info == best ? "  (taken without --device)" : "");
+                       &info != best    ? ""
+                       : wanted.empty() ? "  (taken without --device)"
+                                        : "  (taken with this --device)");
             fmt::print("    {}, driver {}, Vulkan {}\n", info.type, info.driver, info.apiVersion);
             fmt::print("    memory {}, allocation up to {}, storage buffer up to {}\n",
                        bytesText(info.memoryBytes), bytesText(info.maxAllocationBytes),
@@ -74,10 +91,17 @@ void runDevices(const DevicesOptions& options) {
             if (!info.refusals.empty()) fmt::print("    refused: {}\n", sentence(info));
         }
     }
-    if (devices.empty()) {
-        throwMachine("no Vulkan device; `. build/env.sh` brings lavapipe, the software one");
-    }
     if (best == nullptr) throwMachine("none of the Vulkan devices can be used");
 }
+
+const Command<DevicesOptions> kDevices{{
+    .name = "devices",
+    .place = 10,
+    .summary = "List every Vulkan device, its limits, and why one is refused",
+    .example = "doppel devices --json",
+    .run = runDevices,
+}};
+
+}  // namespace
 
 }  // namespace doppel

@@ -1,7 +1,10 @@
+#include "trainer/commands/eval.h"
+
 #include <iostream>
 #include <nlohmann/json.hpp>
 
-#include "trainer/commands/commands.h"
+#include "trainer/commands/command.h"
+#include "trainer/data/frame_selection.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"
 #include "trainer/eval/measures.h"
@@ -118,13 +121,47 @@ void runEval(const EvalOptions& options) {
         printOne(one, options, measures);
         return;
     }
-    for (const std::string& remark : remarks) settings.emplace_back("remark", remark);
     std::cout << metricsJson(one.frames, settings, true,
                              {{"fvd", videoDistance(one.realClips, one.renderedClips)},
                               {"change", one.change},
                               {"change_of_frames", one.changeOfFrames},
-                              {"change_held_still", one.changeHeldStill}})
+                              {"change_held_still", one.changeHeldStill}},
+                             remarks)
               << "\n";
 }
+
+namespace {
+
+void declareFlags(CommandFlags& flags, EvalOptions& o) {
+    flags.precision();
+    flags.path("AVATAR", o.avatar, "Avatar's folder, or a folder of avatars by actor")->required();
+    flags.path("CAPTURE", o.capture, "Capture with masks, or a folder of captures")->required();
+    flags.frames(o.frames, "Frames to compare");
+    flags.texture(o.texture);
+    flags->add_flag("--fit-test-poses", o.fitTestPoses,
+                    "Fit poses and positions (not shape) to these frames first");
+    flags.scene(o.scene);
+    flags.measures(o.measures);
+    flags.path("--out", o.out, "Folder for results.json, results.csv and results.md");
+    flags.path("--pictures", o.pictures, "Folder for render, frame and difference side by side");
+}
+
+const Command<EvalOptions> kEval{{
+    .name = "eval",
+    .place = 60,
+    .summary = "Compare the avatar with the frames of a capture, or of many",
+    .description =
+        "Draws the avatar in each frame's pose over the frame's background, and compares it "
+        "with\nthe whole frame. Of a folder of captures, FOLDER/ACTOR/MOTION (actor and motion "
+        "in\ncapture.toml win over the folders' names), it prints the paper's tables: by "
+        "motion, by\nactor, on average, beside the paper's own figures; AVATAR is then one "
+        "avatar for all, or a\nfolder of them, AVATAR/ACTOR.",
+    .example = "doppel eval avatar capture --frames 90:120 --fit-test-poses --json\n"
+               "  doppel eval avatars captures --out results",
+    .flags = declareFlags,
+    .run = runEval,
+}};
+
+}  // namespace
 
 }  // namespace doppel

@@ -1,9 +1,12 @@
+#include "trainer/commands/export.h"
+
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <optional>
 
 #include "trainer/avatar/export.h"
-#include "trainer/commands/commands.h"
+#include "trainer/commands/command.h"
+#include "trainer/data/frame_selection.h"
 #include "trainer/data/output_folder.h"
 
 namespace doppel {
@@ -30,18 +33,50 @@ void runExport(const ExportOptions& options) {
 
     size_t keys = motion ? motion->size() : 0;
     if (options.common.json)
-        std::cout << nlohmann::ordered_json{{"out", options.out.string()},
-                                            {"triangles", avatar.body.faceCount},
-                                            {"joints", BodyModel::kJoints},
-                                            {"texture_size", avatar.textureSize},
-                                            {"animation_frames", keys}}
-                         .dump(2)
-                  << "\n";
+        printJson(nlohmann::ordered_json{{"out", options.out.string()},
+                                         {"triangles", avatar.body.faceCount},
+                                         {"joints", BodyModel::kJoints},
+                                         {"texture_size", avatar.textureSize},
+                                         {"animation_frames", keys}});
     else if (motion)
         fmt::print("{}: {} triangles, {} frames of {}\n", options.out.string(),
                    avatar.body.faceCount, keys, motion->name);
     else
         fmt::print("{}: {} triangles\n", options.out.string(), avatar.body.faceCount);
 }
+
+namespace {
+
+void declareFlags(CommandFlags& flags, ExportOptions& o) {
+    flags.precision();
+    flags.path("AVATAR", o.avatar, "Avatar's folder")->required();
+    flags.path("--out", o.out, "FILE.glb")->required();
+    flags.path("--motion", o.motion,
+               "A capture, a poses.npz or a .bvh, which becomes an animation");
+    flags.frames(o.frames, "Frames of the motion");
+    flags
+        ->add_option("--texture", o.texture,
+                     "baked (the refined textures of many views in one), coarse, or best: baked "
+                     "where there is one")
+        ->capture_default_str();
+}
+
+void checkName(ExportOptions& options) {
+    if (options.out.extension() != ".glb") {
+        throwInput("--out: expected a name that ends in .glb, found \"{}\"", options.out.string());
+    }
+}
+
+const Command<ExportOptions> kExport{{
+    .name = "export",
+    .place = 80,
+    .summary = "Write the avatar as glTF: skinned mesh, texture, animation",
+    .example = "doppel export avatar --out avatar.glb --motion capture",
+    .flags = declareFlags,
+    .check = checkName,
+    .run = runExport,
+}};
+
+}  // namespace
 
 }  // namespace doppel

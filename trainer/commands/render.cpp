@@ -1,11 +1,14 @@
+#include "trainer/commands/render.h"
+
 #include <algorithm>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "trainer/avatar/background.h"
 #include "trainer/avatar/rendering.h"
-#include "trainer/commands/commands.h"
-#include "trainer/data/background.h"
+#include "trainer/commands/command.h"
+#include "trainer/data/frame_selection.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"
 #include "trainer/motion/smooth.h"
@@ -80,14 +83,61 @@ void runRender(const RenderOptions& options) {
     double change =
         renderShots(device, avatar, shots, background, options.out, fps, "render", texture);
     if (options.common.json)
-        std::cout << nlohmann::ordered_json{{"frames", shots.size()},
-                                            {"out", options.out.string()},
-                                            {"mean_change", change}}
-                         .dump(2)
-                  << "\n";
+        printJson(nlohmann::ordered_json{
+            {"frames", shots.size()}, {"out", options.out.string()}, {"mean_change", change}});
     else
         fmt::print("{} frames in {}; consecutive pictures differ by {:.2f} (8-bit units)\n",
                    shots.size(), options.out.string(), change);
 }
+
+namespace {
+
+void declareFlags(CommandFlags& flags, RenderOptions& o) {
+    flags.precision();
+    flags.path("AVATAR", o.avatar, "Avatar's folder")->required();
+    flags.path("--motion", o.motion, "A capture, a poses.npz or a .bvh")->required();
+    flags.path("--out", o.out, "FILE.mp4, or a folder for PNG pictures")->required();
+    flags->add_option("--camera", o.camera, "capture, turntable, or a cameras.npz")
+        ->capture_default_str();
+    flags->add_option("--background", o.background, "capture, or a colour as \"#rrggbb\"")
+        ->capture_default_str();
+    flags.texture(o.texture);
+    flags
+        ->add_option("--smooth", o.smooth,
+                     "Smooth the motion: standard deviation in frames of a Gaussian over time, on "
+                     "rotations and positions; 0: none")
+        ->capture_default_str()
+        ->check(CLI::Range(0., 100.));
+    flags->add_option("--size", o.size, "Pixels of the picture's longer side; 0: the camera's")
+        ->capture_default_str()
+        ->check(CLI::Range(0, 8192));
+    flags->add_option("--fps", o.fps, "Frames per second of the film; 0: the motion's")
+        ->capture_default_str()
+        ->check(CLI::Range(0., 1000.));
+    flags.frames(o.frames, "Frames of the motion to draw");
+}
+
+void checkBackground(RenderOptions& options) {
+    const std::string& text = options.background;
+    if (text == "capture") return;
+    const bool colour = text.size() == 7 && text[0] == '#' &&
+                        text.find_first_not_of("0123456789abcdefABCDEF", 1) == std::string::npos;
+    if (!colour) {
+        throwInput("--background: expected capture or a colour as #rrggbb, found \"{}\"", text);
+    }
+}
+
+const Command<RenderOptions> kRender{{
+    .name = "render",
+    .place = 50,
+    .summary = "Put the avatar into the poses of a motion and draw it",
+    .example = "doppel render avatar --motion box --camera turntable --background \"#ffffff\" "
+               "--out dance.mp4",
+    .flags = declareFlags,
+    .check = checkBackground,
+    .run = runRender,
+}};
+
+}  // namespace
 
 }  // namespace doppel

@@ -1,3 +1,6 @@
+#include "trainer/commands/train.h"
+
+#include <fmt/ranges.h>
 #include <spawn.h>
 #include <unistd.h>
 
@@ -7,7 +10,8 @@
 #include <nlohmann/json.hpp>
 
 #include "trainer/avatar/checkpoint.h"
-#include "trainer/commands/commands.h"
+#include "trainer/commands/command.h"
+#include "trainer/data/frame_selection.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"
 #include "trainer/stages/train.h"
@@ -111,10 +115,8 @@ void runTrain(const TrainOptions& options) {
     if (repeats &&
         isTrained(finished, avatar, capture, precisionNamed(options.common.precision), settings)) {
         if (options.common.json)
-            std::cout << nlohmann::ordered_json{{"avatar", options.out.string()},
-                                                {"was_finished", true}}
-                             .dump(2)
-                      << "\n";
+            printJson(
+                nlohmann::ordered_json{{"avatar", options.out.string()}, {"was_finished", true}});
         else
             fmt::print(
                 "avatar in {}: it was finished before, and stays as it is (--restart trains "
@@ -131,7 +133,7 @@ void runTrain(const TrainOptions& options) {
             json["iou_before"] = result.fit->iouBefore;
             json["iou_after"] = result.fit->iouAfter;
         }
-        std::cout << json.dump(2) << "\n";
+        printJson(json);
         return;
     }
     if (result.fit)
@@ -139,5 +141,78 @@ void runTrain(const TrainOptions& options) {
                    result.fit->iouAfter);
     fmt::print("avatar in {}\n", options.out.string());
 }
+
+namespace {
+
+void declareFlags(CommandFlags& flags, TrainOptions& o) {
+    flags.precision();
+    flags.path("CAPTURE", o.capture, "Capture to read; it needs masks")->required();
+    flags.path("--out", o.out, "Avatar's folder to write")->required();
+    o.stages = {"fit", "mesh", "texture", "refine"};
+    flags->add_option("--stages", o.stages, "Some of fit,mesh,texture,refine")
+        ->delimiter(',')
+        ->capture_default_str();
+    flags->add_flag("!--no-refine", o.refine, "Leave stage refine out: the coarse texture");
+    flags->add_flag("!--no-gan", o.gan, "Refine without discriminators");
+    flags->add_flag("!--no-face", o.face, "Refine without the face discriminator");
+    flags->add_flag("!--no-clamp", o.clamp, "Let the mesh network move vertices freely");
+    flags.frames(o.frames, "Frames to learn from");
+    flags.body(o.body);
+    flags.preset("small");
+    CLI::Option* resume = flags->add_flag(
+        "--resume", o.resume,
+        "Only go on with the unfinished run in the avatar's folder, which happens without it "
+        "as well; refuse to start one");
+    flags
+        ->add_flag("--restart", o.restart,
+                   "Start over where an unfinished run is in the avatar's folder")
+        ->excludes(resume);
+    flags
+        ->add_option("--checkpoint-every", o.checkpointSeconds,
+                     "Seconds between checkpoints; 0: only at Ctrl-C")
+        ->capture_default_str()
+        ->check(CLI::NonNegativeNumber);
+    flags
+        ->add_option("--picture-every", o.pictureSeconds,
+                     "Seconds between pictures of the state; 0: none")
+        ->capture_default_str()
+        ->check(CLI::NonNegativeNumber);
+    flags->add_flag("--view", o.view,
+                    "Open a window (`doppel view`) that shows the present state; the result is the "
+                    "same, and closing it does not stop the training");
+    flags
+        ->add_option("--profile", o.profileSteps,
+                     "Run so many steps of each stage, print memory and time per op, keep nothing")
+        ->check(CLI::Range(1, 1000));
+    flags.memory(o.memoryBudget);
+}
+
+// Puts the stages into their order.
+void checkStages(TrainOptions& options) {
+    static const std::vector<std::string> all{"fit", "mesh", "texture", "refine"};
+    for (const std::string& word : options.stages)
+        if (std::ranges::count(all, word) == 0)
+            throwInput("--stages: expected some of {}, found \"{}\"", fmt::join(all, ","), word);
+    std::vector<std::string> stages;
+    for (const std::string& stage : all)
+        if (std::ranges::count(options.stages, stage) > 0) stages.push_back(stage);
+    if (stages.empty())
+        throwInput("--stages: expected some of {}, found none", fmt::join(all, ","));
+    if (!options.refine) std::erase(stages, "refine");
+    if (stages.empty()) throwInput("--no-refine: stage refine is all that --stages asks for");
+    options.stages = stages;
+}
+
+const Command<TrainOptions> kTrain{{
+    .name = "train",
+    .place = 40,
+    .summary = "Learn an avatar's mesh and texture from a capture",
+    .example = "doppel train fitted --out avatar --preset small --stages mesh,texture",
+    .flags = declareFlags,
+    .check = checkStages,
+    .run = runTrain,
+}};
+
+}  // namespace
 
 }  // namespace doppel

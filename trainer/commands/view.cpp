@@ -1,17 +1,56 @@
-#include "trainer/commands/commands.h"
+#include <fmt/format.h>
+
+#include <cstdio>
+
+#include "trainer/commands/command.h"
 #include "viewer/viewer.h"
 
 namespace doppel {
 
-void runView(const ViewOptions& options) {
-    Viewer({.device = options.common.deviceOptions(),
-            .avatar = options.avatar,
-            .motion = options.motion,
-            .pose = options.pose,
-            .frames = options.frames,
-            .width = options.width,
-            .height = options.height})
-        .run();
+namespace {
+
+struct ViewOptions {
+    CommonOptions common;
+    ViewerOptions viewer;  // its device is what `common` says
+};
+
+void declareFlags(CommandFlags& flags, ViewOptions& o) {
+    flags.precision();
+    flags.path("AVATAR", o.viewer.avatar, "Avatar's folder")->required();
+    flags.path("--motion", o.viewer.motion, "A capture, a poses.npz or a .bvh to play");
+    flags.frames(o.viewer.frames, "Frames of the motion");
+    flags.path("--pose", o.viewer.pose, "A pose to begin with, JSON as the viewer copies it");
+    const auto setSize = [&o](const std::string& text) {
+        int used = 0;
+        if (std::sscanf(text.c_str(), "%dx%d%n", &o.viewer.width, &o.viewer.height, &used) != 2 ||
+            static_cast<size_t>(used) != text.size() || o.viewer.width < 200 ||
+            o.viewer.height < 150 || o.viewer.width > 8192 || o.viewer.height > 8192)
+            throw CLI::ValidationError(
+                "--size",
+                fmt::format("expected WIDTHxHEIGHT, 200x150 to 8192x8192, found \"{}\"", text));
+    };
+    flags->add_option_function<std::string>("--size", setSize, "The window's size, WIDTHxHEIGHT")
+        ->default_str("1280x800");
 }
+
+const Command<ViewOptions> kView{{
+    .name = "view",
+    .place = 90,
+    .summary = "Open a window: drag the joints, turn the camera, play motions",
+    .description =
+        "Opens a window with the avatar. Drag a joint and the limb follows, turn the camera "
+        "with the\nleft or middle button, press H for all keys. While a training runs in the "
+        "avatar's folder its\npresent state is shown.",
+    .example = "doppel view avatar --motion capture",
+    .flags = declareFlags,
+    .run =
+        [](const ViewOptions& options) {
+            ViewerOptions viewer = options.viewer;
+            viewer.device = options.common.deviceOptions();
+            Viewer(viewer).run();
+        },
+}};
+
+}  // namespace
 
 }  // namespace doppel

@@ -11,7 +11,7 @@
 
 #include "nn/body/body.h"
 #include "nn/ops/raster.h"
-#include "trainer/data/capture.h"
+#include "trainer/data/camera.h"
 
 namespace doppel {
 

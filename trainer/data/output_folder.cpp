@@ -211,6 +211,7 @@ void requireFileName(std::string_view name, std::string_view where) {
 }
 
 void requireApart(const fs::path& out, const std::vector<fs::path>& inputs) {
+    if (out.empty()) return;
     const fs::path place = resolved(out);
     std::error_code ignored;
     for (const fs::path& input : inputs) {

@@ -5,10 +5,10 @@
 
 #include "engine/io/image.h"
 #include "trainer/avatar/avatar_renderer.h"
-#include "trainer/data/background.h"
+#include "trainer/avatar/background.h"
+#include "trainer/avatar/sheet.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"
-#include "trainer/data/sheet.h"
 
 namespace doppel {
 

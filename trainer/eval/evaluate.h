@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "trainer/avatar/avatar.h"
+#include "trainer/data/capture.h"
 #include "trainer/eval/fvd.h"
 #include "trainer/eval/lpips.h"
 #include "trainer/eval/metrics.h"

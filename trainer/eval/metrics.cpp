@@ -156,7 +156,8 @@ FrameMetrics meanMetrics(std::span<const FrameMetrics> frames) {
 std::string metricsJson(std::span<const FrameMetrics> frames,
                         const std::vector<std::pair<std::string, std::string>>& settings,
                         bool perFrame,
-                        const std::vector<std::pair<std::string, std::optional<double>>>& more) {
+                        const std::vector<std::pair<std::string, std::optional<double>>>& more,
+                        const std::vector<std::string>& remarks) {
     using Json = nlohmann::ordered_json;
     const auto object = [](const FrameMetrics& m) {
         Json json{{"iou", m.iou},
@@ -173,6 +174,7 @@ std::string metricsJson(std::span<const FrameMetrics> frames,
     for (const auto& [name, value] : more) json[name] = value ? Json(*value) : Json();
     Json& all = json["settings"] = Json::object();
     for (const auto& [name, value] : settings) all[name] = value;
+    if (!remarks.empty()) json["remarks"] = remarks;
     if (perFrame) {
         Json& list = json["per_frame"] = Json::array();
         for (const FrameMetrics& frame : frames) {
@@ -181,7 +183,7 @@ std::string metricsJson(std::span<const FrameMetrics> frames,
             list.push_back(std::move(entry));
         }
     }
-    return json.dump(2);
+    return json.dump(2, ' ', false, Json::error_handler_t::replace);
 }
 
 }  // namespace doppel

@@ -53,10 +53,11 @@ FrameMetrics meanMetrics(std::span<const FrameMetrics> frames);
 
 // One object: frames (their number), iou, psnr_body, psnr_frame, ssim_body, ssim_frame, mse_frame,
 // lpips where it was measured, `more` (null where there is no figure), settings (the given pairs in
-// order), per_frame where asked for.
-std::string metricsJson(
-    std::span<const FrameMetrics> frames,
-    const std::vector<std::pair<std::string, std::string>>& settings, bool perFrame = false,
-    const std::vector<std::pair<std::string, std::optional<double>>>& more = {});
+// order, each name once), remarks where there are any, per_frame where asked for.
+std::string metricsJson(std::span<const FrameMetrics> frames,
+                        const std::vector<std::pair<std::string, std::string>>& settings,
+                        bool perFrame = false,
+                        const std::vector<std::pair<std::string, std::optional<double>>>& more = {},
+                        const std::vector<std::string>& remarks = {});
 
 }  // namespace doppel

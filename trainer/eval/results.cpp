@@ -8,6 +8,7 @@
 
 #include "engine/atomic_file.h"
 #include "engine/error.h"
+#include "trainer/data/frame_selection.h"
 #include "trainer/data/output_folder.h"
 
 namespace doppel {
@@ -310,7 +311,7 @@ std::string resultsJson(const std::vector<ResultRow>& rows, const Settings& sett
     Json& all = json["settings"] = Json::object();
     for (const auto& [name, value] : settings) all[name] = value;
     json["remarks"] = remarks;
-    return json.dump(2);
+    return json.dump(2, ' ', false, Json::error_handler_t::replace);
 }
 
 void claimResults(const fs::path& folder, const std::string& name) {

@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "trainer/data/capture.h"
+#include "trainer/data/frame_cache.h"
 
 namespace doppel {
 

@@ -1,14 +1,23 @@
 // Pictures that show whether camera, poses and masks go together.
 #pragma once
 
+#include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
 #include "engine/io/image.h"
-#include "trainer/data/capture.h"
-#include "trainer/import/import.h"
+#include "trainer/data/frame_cache.h"
 
 namespace doppel {
+
+// A body in a pose, as the camera sees it.
+struct BodyPicture {
+    std::vector<uint8_t> mask;  // [H][W], 255 where the body is, 0 elsewhere
+    std::vector<float> shade;   // [H][W], how light it is there, [0,1]; may be empty
+};
+using DrawBody = std::function<BodyPicture(const Camera& camera, const Theta& theta,
+                                           const Trans& trans, const Betas& betas)>;
 
 // The body, tinted and see-through, over the frame, with its outline in white and the mask's (where
 // the frame has one) in green. At most `longest` pixels a side.

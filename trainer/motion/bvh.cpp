@@ -13,7 +13,6 @@
 #include "engine/atomic_file.h"
 #include "engine/error.h"
 #include "engine/printable.h"
-#include "trainer/motion/joints.h"
 
 namespace doppel {
 

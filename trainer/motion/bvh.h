@@ -12,7 +12,7 @@
 #include <string_view>
 #include <vector>
 
-#include "trainer/data/capture.h"
+#include "trainer/motion/motion.h"
 
 namespace doppel {
 

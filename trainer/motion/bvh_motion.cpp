@@ -9,8 +9,8 @@
 
 #include "engine/error.h"
 #include "engine/printable.h"
+#include "nn/body/joint.h"
 #include "trainer/motion/bvh.h"
-#include "trainer/motion/joints.h"
 
 namespace doppel {
 
@@ -474,5 +474,21 @@ Motion motionFromBvh(const Bvh& bvh) {
         retarget.pose(static_cast<int64_t>(f), motion.theta[f], motion.trans[f]);
     return motion;
 }
+
+namespace {
+
+const MotionFormat kBvh{{
+    .looks = "a .bvh",
+    .ending = ".bvh",
+    .recognises =
+        [](const std::filesystem::path&, std::string_view begin) {
+            if (begin.starts_with("\xef\xbb\xbf")) begin.remove_prefix(3);
+            begin.remove_prefix(std::min(begin.find_first_not_of(" \t\r\n"), begin.size()));
+            return begin.starts_with("HIERARCHY");
+        },
+    .read = [](const std::filesystem::path& path) { return motionFromBvh(readBvh(path)); },
+}};
+
+}  // namespace
 
 }  // namespace doppel

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <glm/gtc/quaternion.hpp>
 
-#include "trainer/motion/joints.h"
+#include "nn/body/joint.h"
 
 namespace doppel {
 

@@ -1,7 +1,7 @@
 // Smoother driving motions.
 #pragma once
 
-#include "trainer/data/capture.h"
+#include "trainer/motion/motion.h"
 
 namespace doppel {
 

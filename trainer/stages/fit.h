@@ -8,6 +8,7 @@
 #include "nn/body/body.h"
 #include "trainer/avatar/preset.h"
 #include "trainer/data/capture.h"
+#include "trainer/data/frame_cache.h"
 #include "trainer/stages/stage.h"
 
 namespace doppel {

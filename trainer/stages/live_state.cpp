@@ -4,7 +4,8 @@
 
 #include "engine/io/image.h"
 #include "trainer/avatar/avatar_renderer.h"
-#include "trainer/data/sheet.h"
+#include "trainer/avatar/sheet.h"
+#include "trainer/data/crop.h"
 
 namespace doppel {
 

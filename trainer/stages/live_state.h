@@ -5,7 +5,7 @@
 
 #include "engine/device.h"
 #include "trainer/avatar/avatar.h"
-#include "trainer/data/capture.h"
+#include "trainer/data/frame_cache.h"
 
 namespace doppel {
 

@@ -8,6 +8,7 @@
 #include "nn/body/body.h"
 #include "trainer/data/body_render.h"
 #include "trainer/data/capture.h"
+#include "trainer/data/crop.h"
 
 namespace doppel {
 

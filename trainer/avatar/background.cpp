@@ -1,4 +1,4 @@
-#include "trainer/data/background.h"
+#include "trainer/avatar/background.h"
 
 #include <algorithm>
 

@@ -1,10 +1,10 @@
-#include "trainer/data/session.h"
+#include "trainer/motion/session.h"
 
 #include <algorithm>
 #include <cmath>
 #include <glm/gtc/quaternion.hpp>
 
-#include "trainer/motion/joints.h"
+#include "nn/body/joint.h"
 
 namespace doppel {
 

@@ -1,4 +1,4 @@
-#include "trainer/data/picture_sequence.h"
+#include "trainer/avatar/picture_sequence.h"
 
 #include <fmt/format.h>
 

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "trainer/data/capture.h"
+#include "trainer/data/frame_cache.h"
 
 namespace doppel {
 

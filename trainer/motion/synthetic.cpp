@@ -1,4 +1,4 @@
-#include "trainer/data/synthetic.h"
+#include "trainer/motion/synthetic.h"
 
 #include <cmath>
 #include <cstdlib>
@@ -8,6 +8,7 @@
 #include "engine/io/image.h"
 #include "engine/npz.h"
 #include "trainer/data/body_render.h"
+#include "trainer/data/capture_writer.h"
 
 namespace doppel {
 

@@ -7,7 +7,7 @@
 #include "engine/device.h"
 #include "nn/body/body.h"
 #include "trainer/data/capture.h"
-#include "trainer/data/session.h"
+#include "trainer/motion/session.h"
 
 namespace doppel {
 

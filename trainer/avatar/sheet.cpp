@@ -1,4 +1,4 @@
-#include "trainer/data/sheet.h"
+#include "trainer/avatar/sheet.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,0 +1,118 @@
+#include "trainer/commands/command.h"
+
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+namespace doppel {
+
+CLI::Option* CommandFlags::path(const std::string& name, std::filesystem::path& path,
+                                const std::string& help) {
+    return app_.add_option(name, path, help)->check([](const std::string& text) {
+        return text.empty() ? std::string("expected a path, found an empty text") : std::string();
+    });
+}
+
+void CommandFlags::precision() {
+    app_.add_option("--precision", common_.precision,
+                    "Of the networks' products: fp32; mixed: inputs in half, sums in single "
+                    "precision, on matrix units where the device has them (`doppel devices`)")
+        ->capture_default_str()
+        ->check(CLI::IsMember({"fp32", "mixed"}))
+        ->group("Common");
+}
+
+void CommandFlags::preset(const char* fallback) {
+    preset_ = fallback;
+    app_.add_option("--preset", preset_,
+                    fmt::format("Sizes, steps and rates: {}", fmt::join(presetNames(), ", ")))
+        ->capture_default_str();
+    app_.add_option("--set", set_,
+                    "One number of the preset, as NAME=VALUE (mesh.batch=8); may be repeated")
+        ->type_name("NAME=VALUE")
+        ->take_all()
+        ->allow_extra_args(false);
+}
+
+void CommandFlags::body(std::string& body) {
+    body = "default";
+    app_.add_option("--body", body,
+                    "Body model: default, default-full, or SMPL's own .npz or .pkl file")
+        ->capture_default_str();
+}
+
+void CommandFlags::frames(std::string& frames, const char* what) {
+    app_.add_option("--frames", frames,
+                    fmt::format("{}: a:b is from a up to but not b, a:b:step, lists with commas; "
+                                "negative numbers count from the end",
+                                what));
+}
+
+void CommandFlags::texture(std::string& texture) {
+    app_.add_option("--texture", texture,
+                    "coarse, refined (for each view), baked (one for all views), or best: refined "
+                    "where the avatar has it")
+        ->capture_default_str();
+}
+
+void CommandFlags::scene(std::string& scene) {
+    app_.add_option("--scene", scene,
+                    "frame: the frame's own pixels away from the mask, the median over time on it; "
+                    "median: that everywhere; or a picture of the empty scene")
+        ->capture_default_str();
+}
+
+void CommandFlags::measures(MeasureOptions& measures) {
+    app_.add_option("--lpips", measures.lpips,
+                    "Weights for LPIPS, .safetensors or .pth: torchvision's network and LPIPS "
+                    "0.1's heads, in two files or one")
+        ->delimiter(',')
+        ->type_name("FILE[,FILE]");
+    app_.add_option("--lpips-net", measures.lpipsNet, "Their network: alex, vgg or squeeze")
+        ->capture_default_str();
+    app_.add_option("--fvd", measures.fvd,
+                    "Weights of Inception-3D (RGB, Kinetics) for FVD, .safetensors or .pt")
+        ->type_name("FILE");
+}
+
+void CommandFlags::memory(uint64_t& bytes) {
+    app_.add_option("--memory", bytes,
+                    "Device memory to use at most (6GB, 512MB); default: what the device has")
+        ->transform(CLI::AsSizeValue(false))
+        ->transform([](const std::string& text) {  // comes before the other one
+            if (text.empty() || text[0] < '0' || text[0] > '9')
+                throw CLI::ValidationError(
+                    fmt::format("expected a number of bytes, as 6GB or 512MB, found \"{}\"", text));
+            return text;
+        })
+        ->check([](const std::string& text) {
+            return std::string(text == "0" ? "expected more than 0 bytes" : "");
+        });
+}
+
+namespace {
+
+std::vector<CommandEntry>& commands() {
+    static std::vector<CommandEntry> all;
+    return all;
+}
+
+}  // namespace
+
+const std::vector<CommandEntry>& CommandEntry::all() { return commands(); }
+
+void CommandEntry::add(CommandEntry entry) {
+    const auto at =
+        std::upper_bound(commands().begin(), commands().end(), entry.place,
+                         [](int place, const CommandEntry& other) { return place < other.place; });
+    commands().insert(at, std::move(entry));
+}
+
+void printJson(const nlohmann::ordered_json& json) {
+    using Json = nlohmann::ordered_json;
+    std::cout << json.dump(2, ' ', false, Json::error_handler_t::replace) << "\n";
+}
+
+}  // namespace doppel

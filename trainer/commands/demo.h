@@ -1,0 +1,21 @@
+// `doppel demo`.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "trainer/avatar/preset.h"
+#include "trainer/commands/common_options.h"
+
+namespace doppel {
+
+struct DemoOptions {
+    CommonOptions common;
+    std::filesystem::path out = "out/demo";
+    std::string actor = "woman";  // of assets/actor: woman, man
+    Preset preset;
+};
+
+void runDemo(const DemoOptions& options);
+
+}  // namespace doppel

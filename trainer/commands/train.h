@@ -1,0 +1,33 @@
+// `doppel train`.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "trainer/avatar/preset.h"
+#include "trainer/commands/common_options.h"
+
+namespace doppel {
+
+struct TrainOptions {
+    CommonOptions common;
+    std::filesystem::path capture, out;
+    std::string body, frames;
+    std::vector<std::string> stages;  // of "fit", "mesh", "texture", "refine", in this order
+    Preset preset;
+    // Ablations; runTrain applies them to the preset. refine: false takes "refine" out of stages.
+    bool refine = true, gan = true, face = true, clamp = true;
+    bool resume = false;   // refuse to start a new run
+    bool restart = false;  // leave an unfinished run in the avatar's folder, and start over
+    double checkpointSeconds = 180;  // 0: only at Ctrl-C
+    double pictureSeconds = 60;      // a picture of the state this often; 0: none
+    uint64_t memoryBudget = 0;       // bytes for the graph's temporaries; 0: what the device has
+    int profileSteps = 0;  // > 0: time so many steps of each stage per op, and keep nothing
+    bool view = false;     // open a viewer that shows the run's present state
+};
+
+void runTrain(const TrainOptions& options);
+
+}  // namespace doppel

@@ -1,0 +1,52 @@
+#include "trainer/data/frame_cache.h"
+
+#include "engine/error.h"
+#include "engine/io/image.h"
+
+namespace doppel {
+namespace fs = std::filesystem;
+
+FrameCache::FrameCache(const Capture& capture, size_t memoryBudget)
+    : capture_(capture), budget_(memoryBudget) {}
+
+std::shared_ptr<const Picture> FrameCache::load(size_t index) {
+    CHECK(index < capture_.size(), "frame {} is one of the capture's {}", index, capture_.size());
+    {
+        const std::lock_guard lock(mutex_);
+        for (auto at = kept_.begin(); at != kept_.end(); ++at) {
+            if (at->first != index) continue;
+            kept_.splice(kept_.begin(), kept_, at);
+            return at->second;
+        }
+    }
+    // Decoded without the lock, so that threads decode side by side.
+    const Frame& frame = capture_.frames[index];
+    auto picture = std::make_shared<Picture>();
+    Image image = readImage(frame.image, 3);
+    const auto require = [&](const fs::path& path, const Image& read) {
+        if (read.width == frame.camera.width && read.height == frame.camera.height) return;
+        throwInput("{}: expected {}×{} pixels, found {}×{}", path.string(), frame.camera.width,
+                   frame.camera.height, read.width, read.height);
+    };
+    require(frame.image, image);
+    picture->width = image.width;
+    picture->height = image.height;
+    picture->rgb = std::move(image.data);
+    if (frame.mask) {
+        Image mask = readMask(*frame.mask);
+        require(*frame.mask, mask);
+        picture->mask = std::move(mask.data);
+    }
+    const std::lock_guard lock(mutex_);
+    const auto bytesOf = [](const Picture& p) { return p.rgb.size() + p.mask.size(); };
+    kept_.emplace_front(index, picture);
+    used_ += bytesOf(*picture);
+    // The newest stays, even where it alone is more than the budget.
+    while (used_ > budget_ && kept_.size() > 1) {
+        used_ -= bytesOf(*kept_.back().second);
+        kept_.pop_back();
+    }
+    return picture;
+}
+
+}  // namespace doppel

@@ -1,0 +1,38 @@
+// The pixels of a capture's frames.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <list>
+#include <memory>
+#include <mutex>
+#include <utility>
+#include <vector>
+
+#include "trainer/data/capture.h"
+
+namespace doppel {
+
+// 8-bit, rows from the top.
+struct Picture {
+    int width = 0, height = 0;
+    std::vector<uint8_t> rgb;   // [H][W][3], sRGB-encoded
+    std::vector<uint8_t> mask;  // [H][W], 255 the person, 0 not; empty where the frame has none
+};
+
+// Decodes the frames of a capture on demand and keeps the latest ones. Can be used from several
+// threads.
+class FrameCache {
+public:
+    explicit FrameCache(const Capture& capture, size_t memoryBudget = size_t{512} << 20);
+    // InputError where the file is cut short, or no longer what readCapture saw.
+    std::shared_ptr<const Picture> load(size_t frame);
+
+private:
+    const Capture& capture_;
+    size_t budget_, used_ = 0;
+    std::mutex mutex_;
+    std::list<std::pair<size_t, std::shared_ptr<const Picture>>> kept_;  // latest first
+};
+
+}  // namespace doppel

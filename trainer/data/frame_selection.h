@@ -1,0 +1,21 @@
+// Which frames of a sequence, and in which order.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace doppel {
+
+// Frame numbers, ascending and each once: "a:b" (from a up to but not b), "a:", ":b", "a:b:step",
+// "a" (one frame), and lists of these with commas. Negative numbers count from the end. Empty text:
+// all frames. InputError where the text is none of these, where a frame does not exist, and where
+// nothing is left. `what` names the flag.
+std::vector<size_t> selectFrames(std::string_view text, size_t count,
+                                 std::string_view what = "--frames");
+
+// "frame9" before "frame10": runs of digits count as numbers.
+bool naturallyBefore(const std::string& a, const std::string& b);
+
+}  // namespace doppel

@@ -1,0 +1,49 @@
+// Layouts of other programs' recordings, each of which one source file knows.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "trainer/data/capture.h"
+
+namespace doppel {
+
+// What to read.
+struct ImportRequest {
+    std::filesystem::path source;
+    std::string frames;  // selectFrames; empty: all
+    double fps = 30;     // of the recording, where the layout does not say
+    bool key = false;    // frames without a mask will get one
+};
+
+// A capture whose files are still where they were.
+struct ImportSource {
+    Capture capture;
+    std::string layout;  // its importer's name
+};
+
+// One layout. It registers itself, declared as a constant of the source file that reads it:
+//
+//     const Importer kRetargeting{{
+//         .name = "human-retargeting",
+//         .looks = "images/ and smpl_pose/ (Human Retargeting)",
+//         .recognises = [](const fs::path& source) { ... },
+//         .read = readRetargeting,
+//     }};
+class Importer {
+public:
+    struct Declaration {
+        const char* name;   // kept in capture.toml
+        const char* looks;  // for the error that lists what is known
+        // By content; no two importers recognise the same. source: a folder or a file.
+        bool (*recognises)(const std::filesystem::path& source);
+        // InputErrors name the file, the field, what was expected and what was found.
+        Capture (*read)(const ImportRequest& request);
+    };
+    explicit Importer(const Declaration& declaration);
+};
+
+// InputError where no importer recognises the source: what they look for, and what was found.
+ImportSource readImportSource(const ImportRequest& request);
+
+}  // namespace doppel

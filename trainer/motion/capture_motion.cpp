@@ -1,0 +1,38 @@
+// A capture's poses as a motion, with the cameras that saw them.
+#include <string>
+
+#include "engine/error.h"
+#include "trainer/data/capture_notes.h"
+#include "trainer/motion/motion.h"
+
+namespace doppel {
+namespace fs = std::filesystem;
+
+namespace {
+
+Motion readCaptureMotion(const fs::path& folder) {
+    Poses poses = readPoses(folder / "poses.npz", false);
+    const CaptureNotes notes = readNotes(folder);
+    if (!notes.frames.empty() && notes.frames.size() != poses.theta.size()) {
+        throwInput(
+            "{}: global_orient: expected {} rows, as many as capture.toml has frames, "
+            "found {}",
+            (folder / "poses.npz").string(), notes.frames.size(), poses.theta.size());
+    }
+    Motion motion{
+        folder,      notes.name, notes.fps, std::move(poses.theta), std::move(poses.trans),
+        poses.betas, {}};
+    std::error_code error;
+    const fs::path cameras = folder / "cameras.npz";
+    return fs::exists(cameras, error) ? throughCameras(std::move(motion), cameras) : motion;
+}
+
+const MotionFormat kCapture{{
+    .looks = "a capture's folder",
+    .recognises = [](const fs::path& path, std::string_view) { return fs::is_directory(path); },
+    .read = readCaptureMotion,
+}};
+
+}  // namespace
+
+}  // namespace doppel

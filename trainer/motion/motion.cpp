@@ -1,0 +1,88 @@
+#include "trainer/motion/motion.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <fstream>
+
+#include "engine/error.h"
+
+namespace doppel {
+namespace fs = std::filesystem;
+
+namespace {
+
+// In the order of their descriptions, whatever the order in which they were linked.
+std::vector<MotionFormat::Declaration>& formats() {
+    static std::vector<MotionFormat::Declaration> all;
+    return all;
+}
+
+// "A, B or C".
+std::string knownFormats() {
+    std::string text;
+    for (size_t i = 0; i < formats().size(); ++i) {
+        if (i > 0) text += i + 1 < formats().size() ? ", " : " or ";
+        text += formats()[i].looks;
+    }
+    return text;
+}
+
+std::string beginOf(const fs::path& path) {
+    std::string begin(4096, '\0');
+    std::ifstream file(path, std::ios::binary);
+    if (!file) throwInput("{}: cannot be read", path.string());
+    file.read(begin.data(), static_cast<std::streamsize>(begin.size()));
+    begin.resize(static_cast<size_t>(file.gcount()));
+    return begin;
+}
+
+}  // namespace
+
+MotionFormat::MotionFormat(const Declaration& declaration) {
+    const auto before = [](const Declaration& a, const Declaration& b) {
+        return std::string_view(a.looks) < b.looks;
+    };
+    formats().insert(std::upper_bound(formats().begin(), formats().end(), declaration, before),
+                     declaration);
+}
+
+Motion Motion::subset(std::span<const size_t> indices) const {
+    Motion part{source, name, fps, {}, {}, betas, {}};
+    for (size_t i : indices) {
+        CHECK(i < size(), "frame {} is one of the motion's {}", i, size());
+        part.theta.push_back(theta[i]);
+        part.trans.push_back(trans[i]);
+        if (!cameras.empty()) part.cameras.push_back(cameras[i]);
+    }
+    return part;
+}
+
+Motion readMotion(const fs::path& path) {
+    std::error_code error;
+    if (!fs::exists(path, error))
+        throwInput("{}: expected a motion: {}, found nothing", path.string(), knownFormats());
+    std::string begin;
+    if (!fs::is_directory(path, error)) {
+        std::string ending = path.extension().string();
+        std::transform(ending.begin(), ending.end(), ending.begin(),
+                       [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+        for (const auto& format : formats())
+            if (!ending.empty() && ending == format.ending) return format.read(path);
+        begin = beginOf(path);
+    }
+    for (const auto& format : formats())
+        if (format.recognises(path, begin)) return format.read(path);
+    throwInput("{}: expected a motion: {}, found another kind of file", path.string(),
+               knownFormats());
+}
+
+Motion throughCameras(Motion motion, const fs::path& path) {
+    Cameras cameras = readCameras(path, motion.size());
+    for (size_t f = 0; f < motion.size(); ++f)
+        movePose(cameras.extrinsics[f], motion.theta[f], motion.trans[f]);
+    motion.cameras = std::move(cameras.cameras);
+    return motion;
+}
+
+}  // namespace doppel

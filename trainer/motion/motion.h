@@ -1,0 +1,59 @@
+// Motions: poses without pictures, which drive an avatar.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "trainer/data/camera.h"
+#include "trainer/data/pose.h"
+
+namespace doppel {
+
+struct Motion {
+    std::filesystem::path source;
+    std::string name;
+    double fps = 30;
+    std::vector<Theta> theta;
+    std::vector<Trans> trans;
+    Betas betas{};
+    // Per frame where the source is a capture; then theta and trans are in camera space.
+    std::vector<Camera> cameras;
+
+    size_t size() const { return theta.size(); }
+    Motion subset(std::span<const size_t> indices) const;
+};
+
+// Of whatever format: a capture's folder, a poses.npz, a .bvh.
+Motion readMotion(const std::filesystem::path& path);
+
+// The motion seen by the cameras of a cameras.npz (one for all frames, or one per frame), into
+// whose space its poses are moved; they are taken to be in that file's world.
+Motion throughCameras(Motion motion, const std::filesystem::path& cameras);
+
+// One format. It registers itself, declared as a constant of the source file that reads it:
+//
+//     const MotionFormat kBvh{{
+//         .looks = "a .bvh",
+//         .ending = ".bvh",
+//         .recognises = [](const fs::path&, std::string_view begin) { ... },
+//         .read = [](const fs::path& path) { return motionFromBvh(readBvh(path)); },
+//     }};
+class MotionFormat {
+public:
+    struct Declaration {
+        const char* looks;        // for the error that lists what is known
+        const char* ending = "";  // of its files' names, in lower case; empty: none
+        // By content: begin is the first 4096 bytes of a file, empty of a folder. Asked where no
+        // format has the name's ending.
+        bool (*recognises)(const std::filesystem::path& path, std::string_view begin);
+        // InputErrors name the file, what was expected and what was found.
+        Motion (*read)(const std::filesystem::path& path);
+    };
+    explicit MotionFormat(const Declaration& declaration);
+};
+
+}  // namespace doppel

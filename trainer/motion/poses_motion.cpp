@@ -1,0 +1,35 @@
+// A poses.npz as a motion: poses without cameras.
+#include <string>
+
+#include "trainer/data/capture_notes.h"
+#include "trainer/motion/motion.h"
+
+namespace doppel {
+namespace fs = std::filesystem;
+
+namespace {
+
+// betas may be missing; a 0-d `fps` is believed.
+Motion readPosesMotion(const fs::path& path) {
+    Poses poses = readPoses(path, false);
+    Motion motion;
+    motion.source = path;
+    motion.name = path.stem().string();
+    if (poses.fps) motion.fps = checkedFps(*poses.fps, path.string() + ": fps");
+    motion.theta = std::move(poses.theta);
+    motion.trans = std::move(poses.trans);
+    motion.betas = poses.betas;
+    return motion;
+}
+
+const MotionFormat kPoses{{
+    .looks = "a poses.npz",
+    .ending = ".npz",
+    .recognises = [](const fs::path&,
+                     std::string_view begin) { return begin.starts_with("PK\x03\x04"); },
+    .read = readPosesMotion,
+}};
+
+}  // namespace
+
+}  // namespace doppel
