@@ -255,7 +255,8 @@ TEST(CommandLine, ConfigUnderFlags) {
     refuse("preset = ", "bad.toml: line 1: not TOML");
     refuse("[mesh]\nbatches = 3", "bad.toml: there is no number \"mesh.batches\"; there are mesh.");
     refuse("[mesh]\nbatch = 0", "bad.toml: mesh.batch: expected a whole number from 1 to 256");
-    refuse("[mash]\nbatch = 1", "bad.toml: mash: expected a table fit, mesh, texture or refine");
+    refuse("[mash]\nbatch = 1",
+           "bad.toml: mash: expected one of the tables fit, mesh, texture, refine");
     const Outcome missing = run({"train", "c", "--out", "a", "--config", "no/such.toml"});
     EXPECT_EQ(missing.status, 2);
     EXPECT_NE(missing.err.find("no/such.toml"), std::string::npos);
@@ -393,6 +394,13 @@ TEST(CommandLine, HelpShowsAnExample) {
         EXPECT_NE(one.out.find("--device"), std::string::npos);
     }
     EXPECT_NE(run({"--version"}).out.find("doppel 0."), std::string::npos);
+    // The numbers of the presets, whatever else the command would need.
+    for (const char* command : {"fit", "train", "ablate"}) {
+        auto numbers = run({command, "--help-presets"});
+        EXPECT_EQ(numbers.status, 0);
+        EXPECT_EQ(numbers.out, presetHelp());
+        EXPECT_TRUE(numbers.err.empty());
+    }
 }
 
 TEST(Presets, PaperIsThePapers) {

@@ -75,7 +75,7 @@ private:
             fmt::format("capture = {}\nframes = {}\nbody = {}\nseed = {}\nstages = {}\n",
                         fs::absolute(options_.capture).lexically_normal().string(), options_.frames,
                         options_.body, options_.common.seed, fmt::join(stages, ","));
-        const std::vector<std::string> order{"fit", "mesh", "texture", "refine"};
+        const std::vector<std::string>& order = presetSections();
         const auto last = std::ranges::find(order, stages.back());
         for (const auto& [name, value] : presetValues(preset))
             if (std::ranges::find(order, name.substr(0, name.find('.'))) <= last)

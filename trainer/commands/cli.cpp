@@ -84,15 +84,15 @@ void applyConfig(const toml::table& config, const fs::path& path, CLI::App& comm
                  CLI::App& app) {
     const auto optionOf = [](CLI::App& of, const std::string& key) -> CLI::Option* {
         CLI::Option* option = of.get_option_no_throw("--" + key);
-        return option && key != "help" && key != "config" ? option : nullptr;
+        return option && !key.starts_with("help") && key != "config" ? option : nullptr;
     };
     for (const auto& [tomlKey, node] : config) {
         const std::string key(tomlKey.str());
         const std::string where = fmt::format("{}: {}", path.string(), key);
         if (node.is_table()) {
-            if (key == "fit" || key == "mesh" || key == "texture" || key == "refine")
-                continue;  // the preset's
-            throwInput("{}: expected a table fit, mesh, texture or refine, found another", where);
+            if (std::ranges::count(presetSections(), key) > 0) continue;
+            throwInput("{}: expected one of the tables {}, found another", where,
+                       fmt::join(presetSections(), ", "));
         }
         const auto subcommands = app.get_subcommands([](CLI::App*) { return true; });
         if (std::none_of(subcommands.begin(), subcommands.end(),
@@ -114,7 +114,7 @@ void applyConfig(const toml::table& config, const fs::path& path, CLI::App& comm
 
 Preset presetOf(const Subcommand& shared, const toml::table& config) {
     Preset preset = presetByName(shared.preset);
-    for (const char* section : {"fit", "mesh", "texture", "refine"}) {
+    for (const std::string& section : presetSections()) {
         const toml::table* table = config[section].as_table();
         if (table == nullptr) continue;
         for (const auto& [key, node] : *table) {

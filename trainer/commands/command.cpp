@@ -30,10 +30,19 @@ void CommandFlags::preset(const char* fallback) {
                     fmt::format("Sizes, steps and rates: {}", fmt::join(presetNames(), ", ")))
         ->capture_default_str();
     app_.add_option("--set", set_,
-                    "One number of the preset, as NAME=VALUE (mesh.batch=8); may be repeated")
+                    "One number of the preset, as NAME=VALUE (mesh.batch=8); may be repeated; "
+                    "--help-presets lists them")
         ->type_name("NAME=VALUE")
         ->take_all()
         ->allow_extra_args(false);
+    app_.add_flag_callback(
+        "--help-presets",
+        [] {
+            std::string text = presetHelp();
+            text.pop_back();  // the line's end, which comes with it
+            throw CLI::CallForVersion(text, 0);
+        },
+        "Print every number of the presets, its range and what it means, and exit");
 }
 
 void CommandFlags::body(std::string& body) {

@@ -148,8 +148,8 @@ void declareFlags(CommandFlags& flags, TrainOptions& o) {
     flags.precision();
     flags.path("CAPTURE", o.capture, "Capture to read; it needs masks")->required();
     flags.path("--out", o.out, "Avatar's folder to write")->required();
-    o.stages = {"fit", "mesh", "texture", "refine"};
-    flags->add_option("--stages", o.stages, "Some of fit,mesh,texture,refine")
+    o.stages = stageNames();
+    flags->add_option("--stages", o.stages, fmt::format("Some of {}", fmt::join(stageNames(), ",")))
         ->delimiter(',')
         ->capture_default_str();
     flags->add_flag("!--no-refine", o.refine, "Leave stage refine out: the coarse texture");
@@ -189,7 +189,7 @@ void declareFlags(CommandFlags& flags, TrainOptions& o) {
 
 // Puts the stages into their order.
 void checkStages(TrainOptions& options) {
-    static const std::vector<std::string> all{"fit", "mesh", "texture", "refine"};
+    const std::vector<std::string> all = stageNames();
     for (const std::string& word : options.stages)
         if (std::ranges::count(all, word) == 0)
             throwInput("--stages: expected some of {}, found \"{}\"", fmt::join(all, ","), word);

@@ -274,6 +274,12 @@ const std::vector<Stage>& allStages() {
     return stages;
 }
 
+std::vector<std::string> stageNames() {
+    std::vector<std::string> names;
+    for (const Stage& stage : allStages()) names.push_back(stage.name);
+    return names;
+}
+
 bool isTrained(const Avatar& there, const Avatar& asked, const Capture& capture,
                Precision precision, const TrainSettings& settings) {
     std::vector<std::string> has, lacks;

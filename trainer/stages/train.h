@@ -22,5 +22,6 @@ TrainResult trainAvatar(Device& device, Avatar avatar, Capture capture,
                         const TrainSettings& settings);
 
 const std::vector<Stage>& allStages();  // in their order
+std::vector<std::string> stageNames();
 
 }  // namespace doppel
