@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <set>
 #include <utility>
 
 #include "nn/ops/elementwise.h"
@@ -338,11 +339,23 @@ void Graph::planMemory(const CompileOptions& options) {
     }
     plannedBytes_ = 0;
     for (const Block& block : blocks) plannedBytes_ += block.bytes;
-    if (options.memoryBudget > 0 && plannedBytes_ > options.memoryBudget)
+    // Beside the temporaries: constants and inputs, and others' memory that the graph uses, such as
+    // parameters with their gradients and moments.
+    uint64_t needed = plannedBytes_;
+    for (const Buffer& buffer : buffers_) needed += buffer.bytes();
+    for (const HostInput& input : inputs_) needed += input.bytes;
+    std::set<const Buffer*> others;
+    for (const Storage& storage : storages_)
+        if (storage.kind == Kind::Attached && storage.view.buffer)
+            others.insert(storage.view.buffer);
+    for (const Buffer* buffer : others) needed += buffer->bytes();
+    if (options.memoryBudget > 0 && needed > options.memoryBudget) {
+        const auto mebibytes = [](uint64_t bytes) { return alignUp(bytes, 1 << 20) >> 20; };
         throwInput(
-            "this needs {} MiB for activations, the memory budget is {} MiB; use a smaller "
-            "preset or raise --memory",
-            plannedBytes_ >> 20, options.memoryBudget >> 20);
+            "this needs {} MiB of device memory, {} of them for activations, the memory budget is "
+            "{} MiB; use a smaller preset or raise --memory",
+            mebibytes(needed), mebibytes(plannedBytes_), options.memoryBudget >> 20);
+    }
 
     size_t firstBlock = buffers_.size();
     for (const Block& block : blocks)

@@ -23,7 +23,7 @@ struct TrainOptions {
     bool restart = false;  // leave an unfinished run in the avatar's folder, and start over
     double checkpointSeconds = 180;  // 0: only at Ctrl-C
     double pictureSeconds = 60;      // a picture of the state this often; 0: none
-    uint64_t memoryBudget = 0;       // bytes for the graph's temporaries; 0: what the device has
+    uint64_t memoryBudget = 0;  // bytes of device memory for a stage; 0: what the device has
     int profileSteps = 0;  // > 0: time so many steps of each stage per op, and keep nothing
     bool view = false;     // open a viewer that shows the run's present state
 };

@@ -119,7 +119,9 @@ FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
     unwrap(fitted.theta);
     TrainingFrames frames(device, body, fitted, cache, preset.size, false, kFitMargin);
     FitStart start = fitStart(fitted, settings.fitShape);
-    FitStep step(device, body, start, preset);
+    FitStep step(
+        device, body, start, preset,
+        {.memoryBudget = settings.memoryBudget, .timestamps = settings.loop.profileSteps > 0});
 
     FrameSampler sampler(fitted.size(), settings.loop.seed);
     std::vector<uint32_t> visits(fitted.size());
@@ -152,7 +154,7 @@ FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
                                                           frames.box(frame), preset.size));
         step.graph.submit();
     };
-    loop.run(settings.loop);
+    if (!loop.run(settings.loop)) return result;
 
     std::vector<float> poses = step.poses();
     for (size_t f = 0; f < fitted.size(); ++f) {
@@ -170,9 +172,10 @@ FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
 }
 
 void trainFit(Device& device, TrainResult& result, const TrainSettings& settings) {
-    FitSettings fit{.preset = result.avatar.preset.fit, .loop = settings};
+    FitSettings fit{.preset = result.avatar.preset.fit,
+                    .loop = settings,
+                    .memoryBudget = settings.memoryBudget};
     if (!settings.keeps()) fit.loop.out.clear();
-    fit.loop.profileSteps = 0;  // the stages after it need its result
     result.fit = fitCapture(device, result.avatar.body, result.capture, fit);
     result.avatar.betas = result.capture.betas;
 }

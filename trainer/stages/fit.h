@@ -15,8 +15,9 @@ namespace doppel {
 
 struct FitSettings {
     FitPreset preset;
-    bool fitShape = true;    // false: betas stay as they are (a known person in new frames)
-    LoopSettings loop = {};  // its seed; with a folder, curves and checkpoints go there
+    bool fitShape = true;       // false: betas stay as they are (a known person in new frames)
+    LoopSettings loop = {};     // its seed; with a folder, curves and checkpoints go there
+    uint64_t memoryBudget = 0;  // see CompileOptions
 };
 
 // Replaces capture.betas, theta and trans. Every frame needs a mask (InputError otherwise).

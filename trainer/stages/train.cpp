@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <span>
+#include <string_view>
 
 #include "engine/io/image.h"
 #include "trainer/avatar/avatar_renderer.h"
@@ -11,6 +12,7 @@
 #include "trainer/avatar/networks.h"
 #include "trainer/avatar/rendering.h"
 #include "trainer/data/output_folder.h"
+#include "trainer/stages/memory_plan.h"
 
 namespace doppel {
 
@@ -236,6 +238,13 @@ void trainStages(Device& device, TrainResult& result, const TrainSettings& setti
                 result.avatar.trained.erase(later->name);
             }
         if (!stage.movesPoses) result.capture.betas = result.avatar.betas;
+        // A profile keeps nothing that this stage could stand on: a fresh network does as well.
+        if (settings.profileSteps > 0 && std::string_view(stage.name) == "refine" &&
+            result.avatar.textureNet.empty()) {
+            const TexturePreset& preset = result.avatar.preset.texture;
+            result.avatar.textureNet = TextureNet(device, preset, settings.seed).weights();
+            paintTexture(device, result.avatar);
+        }
         stage.train(device, result, settings);
         if (stage.movesPoses) run.writePoses(result.capture);
         run.finish(stage.name, result.avatar);
@@ -312,6 +321,7 @@ bool isTrained(const Avatar& there, const Avatar& asked, const Capture& capture,
 TrainResult trainAvatar(Device& device, Avatar avatar, Capture capture,
                         const TrainSettings& settings) {
     capture.requireMasks();
+    requireMemory(device, avatar, capture, settings);
     TrainResult result{std::move(avatar), std::move(capture), std::nullopt};
     Run run(settings, result.avatar, result.capture, device.precision());
     try {
