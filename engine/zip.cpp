@@ -6,14 +6,20 @@
 #include <cstring>
 #include <utility>
 
+#include "engine/deflate.h"
 #include "engine/error.h"
 #include "engine/printable.h"
 
 namespace doppel {
 
-using namespace zip;
-
 namespace {
+
+constexpr uint32_t kLocalSignature = 0x04034b50, kCentralSignature = 0x02014b50;
+constexpr uint32_t kEndSignature = 0x06054b50;
+constexpr uint32_t kEnd64Signature = 0x06064b50, kEnd64LocatorSignature = 0x07064b50;
+constexpr size_t kLocalSize = 30, kCentralSize = 46, kEndSize = 22, kEnd64Size = 56,
+                 kEnd64LocatorSize = 20;
+constexpr uint32_t kMax32 = 0xFFFFFFFF;
 
 template <typename T>
 T loadAt(const uint8_t* bytes, size_t index) {
@@ -198,57 +204,6 @@ private:
     const ZipLimits& limits_;
 };
 
-std::vector<uint8_t> inflateAll(std::span<const uint8_t> packed, uint64_t size,
-                                const std::string& where) {
-    z_stream stream{};
-    if (inflateInit2(&stream, -MAX_WBITS) != Z_OK) throwMachine("zlib: no memory");
-    struct Ender {
-        z_stream* stream;
-        ~Ender() { inflateEnd(stream); }
-    } ender{&stream};
-    std::vector<uint8_t> bytes;
-    size_t consumed = 0;
-    constexpr size_t kStep = size_t{16} << 20;
-    int status = Z_OK;
-    uint8_t beyond = 0;
-    while (status != Z_STREAM_END) {
-        if (stream.avail_in == 0 && consumed < packed.size()) {
-            const size_t step = std::min(kStep, packed.size() - consumed);
-            stream.next_in = const_cast<Bytef*>(packed.data() + consumed);
-            stream.avail_in = static_cast<uInt>(step);
-            consumed += step;
-        }
-        // Memory grows with what really arrives, never beyond the claimed size.
-        const size_t have = bytes.size();
-        const size_t room = static_cast<size_t>(std::min<uint64_t>(kStep, size - have));
-        if (room > 0) {
-            bytes.resize(have + room);
-            stream.next_out = bytes.data() + have;
-            stream.avail_out = static_cast<uInt>(room);
-        } else {
-            stream.next_out = &beyond;
-            stream.avail_out = 1;
-        }
-        const uInt offered = stream.avail_out;
-        const uInt input = stream.avail_in;
-        status = inflate(&stream, Z_NO_FLUSH);
-        const uInt made = offered - stream.avail_out;
-        if (room > 0) bytes.resize(have + made);
-        if (room == 0 && made > 0) {
-            throwInput("{}: unpacks to more than the {} bytes that it claims", where, size);
-        }
-        if (status == Z_MEM_ERROR) throwMachine("{}: zlib: no memory", where);
-        if ((status != Z_OK && status != Z_STREAM_END && status != Z_BUF_ERROR) ||
-            (made == 0 && input == stream.avail_in && status != Z_STREAM_END)) {
-            throwInput("{}: its packed bytes are damaged or cut short", where);
-        }
-    }
-    if (bytes.size() != size || stream.avail_in != 0 || consumed != packed.size()) {
-        throwInput("{}: unpacks to {} bytes, expected {}", where, bytes.size(), size);
-    }
-    return bytes;
-}
-
 }  // namespace
 
 std::vector<ZipEntry> zipEntries(std::span<const uint8_t> file, const ZipKind& kind,
@@ -263,7 +218,18 @@ std::vector<uint8_t> unpackZip(std::span<const uint8_t> file, const ZipEntry& en
     if (entry.method == 0) {
         bytes.assign(packed.begin(), packed.end());
     } else {
-        bytes = inflateAll(packed, entry.size, where);
+        // Memory grows with what really arrives, never beyond the claimed size.
+        const auto take = [&](std::span<const uint8_t> more) {
+            if (more.size() > entry.size - bytes.size()) {
+                throwInput("{}: unpacks to more than the {} bytes that it claims", where,
+                           entry.size);
+            }
+            bytes.insert(bytes.end(), more.begin(), more.end());
+        };
+        const size_t consumed = inflate(packed, Packing::raw, where, take);
+        if (bytes.size() != entry.size || consumed != packed.size()) {
+            throwInput("{}: unpacks to {} bytes, expected {}", where, bytes.size(), entry.size);
+        }
     }
     uLong crc = crc32_z(0, bytes.data(), bytes.size());
     if (bytes.empty()) crc = 0;
@@ -272,6 +238,99 @@ std::vector<uint8_t> unpackZip(std::span<const uint8_t> file, const ZipEntry& en
                    entry.crc);
     }
     return bytes;
+}
+
+// ---- writing ------------------------------------------------------------------------------------
+
+namespace {
+
+class LittleEndian {
+public:
+    template <typename T>
+    LittleEndian& put(T value) {
+        const char* bytes = reinterpret_cast<const char*>(&value);
+        text_.append(bytes, sizeof(T));
+        return *this;
+    }
+    LittleEndian& put16(uint64_t value) { return put(static_cast<uint16_t>(value)); }
+    LittleEndian& put32(uint64_t value) { return put(static_cast<uint32_t>(value)); }
+    LittleEndian& append(std::string_view text) {
+        text_.append(text);
+        return *this;
+    }
+    const std::string& text() const { return text_; }
+
+private:
+    std::string text_;
+};
+
+// 1 January 1980, the first day of zip files: the same arrays give the same bytes.
+constexpr uint32_t kDate = (0u << 25 | 1u << 21 | 1u << 16);
+
+// Of a body's arrays level 4 makes 2.5 % more bytes than 6, in a third of the time.
+constexpr int kLevel = 4;
+
+}  // namespace
+
+void ZipWriter::add(const std::string& name, std::initializer_list<std::span<const uint8_t>> parts,
+                    bool compress) {
+    CHECK(!name.empty() && name.size() < 60000, "an entry's name must be short and not empty");
+    uint64_t size = 0;
+    uLong crc = crc32_z(0, nullptr, 0);
+    for (const auto& part : parts) {
+        size += part.size();
+        if (!part.empty()) crc = crc32_z(crc, part.data(), part.size());
+    }
+    std::vector<uint8_t> deflated;
+    if (compress) deflated = deflate(std::span(parts.begin(), parts.size()), kLevel);
+    const uint64_t packed = compress ? deflated.size() : size;
+
+    const bool bigSizes = size >= kMax32 || packed >= kMax32;
+    const bool bigOffset = offset_ >= kMax32;
+    const uint16_t version = bigSizes || bigOffset ? 45 : 20;
+    const uint16_t method = compress ? 8 : 0;
+    LittleEndian local;
+    local.put32(kLocalSignature).put16(version).put16(0x800).put16(method).put32(kDate);
+    local.put32(crc).put32(bigSizes ? kMax32 : packed).put32(bigSizes ? kMax32 : size);
+    local.put16(name.size()).put16(bigSizes ? 20 : 0).append(name);
+    if (bigSizes) local.put16(1).put16(16).put(size).put(packed);
+    out_.write(local.text());
+    if (compress) {
+        out_.write(deflated.data(), deflated.size());
+    } else {
+        for (const auto& part : parts) out_.write(part.data(), part.size());
+    }
+
+    const uint64_t extra = (bigSizes ? 16u : 0u) + (bigOffset ? 8u : 0u);
+    LittleEndian directory;
+    directory.put32(kCentralSignature).put16(version).put16(version).put16(0x800);
+    directory.put16(method).put32(kDate).put32(crc);
+    directory.put32(bigSizes ? kMax32 : packed).put32(bigSizes ? kMax32 : size);
+    directory.put16(name.size()).put16(extra > 0 ? extra + 4 : 0).put16(0).put16(0).put16(0);
+    directory.put32(0).put32(bigOffset ? kMax32 : offset_).append(name);
+    if (extra > 0) directory.put16(1).put16(extra);
+    if (bigSizes) directory.put(size).put(packed);
+    if (bigOffset) directory.put(offset_);
+    offset_ += local.text().size() + packed;
+    directory_ += directory.text();
+    ++count_;
+}
+
+void ZipWriter::commit() {
+    const uint64_t directorySize = directory_.size();
+    LittleEndian end;
+    const bool big = count_ >= 0xFFFF || directorySize >= kMax32 || offset_ >= kMax32;
+    if (big) {
+        end.put32(kEnd64Signature).put(uint64_t{44}).put16(45).put16(45).put32(0).put32(0);
+        end.put(count_).put(count_).put(directorySize).put(offset_);
+        end.put32(kEnd64LocatorSignature).put32(0).put(offset_ + directorySize).put32(1);
+    }
+    end.put32(kEndSignature).put16(0).put16(0).put16(big ? 0xFFFF : count_);
+    end.put16(big ? 0xFFFF : count_).put32(big ? kMax32 : directorySize);
+    end.put32(big ? kMax32 : offset_).put16(0);
+    out_.write(directory_);
+    out_.write(end.text());
+    out_.commit();
 }
 
 }  // namespace doppel

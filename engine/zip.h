@@ -1,14 +1,18 @@
-// Zip archives as NumPy and PyTorch write them, read from memory. Everything is checked before it
+// Zip archives, read as NumPy and PyTorch write them, from memory. Everything is checked before it
 // is believed: sizes against the file's, totals against limits, CRCs against the bytes, entries
 // that overlap or unpack to far more than they are. What is wrong is an InputError that names the
 // file.
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
+#include <initializer_list>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include "engine/atomic_file.h"
 
 namespace doppel {
 
@@ -43,15 +47,26 @@ std::vector<ZipEntry> zipEntries(std::span<const uint8_t> file, const ZipKind& k
 std::vector<uint8_t> unpackZip(std::span<const uint8_t> file, const ZipEntry& entry,
                                const std::string& where);
 
-namespace zip {
+// Writes an archive. The same entries give the same bytes: no times are written. See AtomicFile for
+// errors.
+//
+//     ZipWriter zip("poses.npz");
+//     zip.add("betas.npy", {header, data}, true);
+//     zip.commit();
+class ZipWriter {
+public:
+    explicit ZipWriter(const std::filesystem::path& path) : out_(path) {}
 
-constexpr uint32_t kLocalSignature = 0x04034b50, kCentralSignature = 0x02014b50;
-constexpr uint32_t kEndSignature = 0x06054b50;
-constexpr uint32_t kEnd64Signature = 0x06064b50, kEnd64LocatorSignature = 0x07064b50;
-constexpr size_t kLocalSize = 30, kCentralSize = 46, kEndSize = 22, kEnd64Size = 56,
-                 kEnd64LocatorSize = 20;
-constexpr uint32_t kMax32 = 0xFFFFFFFF;
+    // The parts one after the other, stored or deflated. name: short and not empty.
+    void add(const std::string& name, std::initializer_list<std::span<const uint8_t>> parts,
+             bool compress);
+    // Writes the directory; without it nothing is left.
+    void commit();
 
-}  // namespace zip
+private:
+    AtomicFile out_;
+    std::string directory_;
+    uint64_t count_ = 0, offset_ = 0;
+};
 
 }  // namespace doppel

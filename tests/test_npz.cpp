@@ -13,7 +13,9 @@
 #include <random>
 
 #include "engine/atomic_file.h"
+#include "engine/deflate.h"
 #include "engine/error.h"
+#include "engine/numbers.h"
 #include "tests/files.h"
 
 namespace doppel {
@@ -288,6 +290,47 @@ TEST(Npy, refusesBrokenHeaders) {
         folder.write("bad.npy", npy(header, four));
         EXPECT_THROW(readNpy(folder / "bad.npy"), InputError) << header;
     }
+}
+
+TEST(Numbers, HalvesAndNarrowing) {
+    EXPECT_EQ(halfToFloat(0x3c00), 1);
+    EXPECT_EQ(halfToFloat(0xc580), -5.5f);
+    EXPECT_EQ(halfToFloat(0x7bff), 65504);
+    EXPECT_EQ(halfToFloat(0x0001), std::ldexp(1.f, -24));
+    EXPECT_EQ(halfToFloat(0x83ff), -1023 * std::ldexp(1.f, -24));
+    EXPECT_EQ(halfToFloat(0xfc00), -INFINITY);
+    EXPECT_TRUE(std::isnan(halfToFloat(0x7e00)));
+    EXPECT_TRUE(std::signbit(halfToFloat(0x8000)));
+    EXPECT_EQ(bfloat16ToFloat(0x3f80), 1);
+    EXPECT_EQ(bfloat16ToFloat(0xc0b0), -5.5f);
+    EXPECT_EQ(u32(0xffffffff), 0xffffffffu);
+    EXPECT_DEATH(u32(int64_t{1} << 32), "4294967296 fits into 32 bits");
+    EXPECT_DEATH(u32(-1), "-1 fits into 32 bits");
+}
+
+TEST(Deflate, UnpacksWhatItPacked) {
+    std::vector<uint8_t> bytes(3 << 20);
+    for (size_t i = 0; i < bytes.size(); ++i) bytes[i] = uint8_t(i % 251 ^ i >> 12);
+    const std::span<const uint8_t> all(bytes);
+    const std::vector<std::span<const uint8_t>> parts{all.first(7), {}, all.subspan(7)};
+    std::vector<uint8_t> packed = deflate(parts, 4);
+    EXPECT_LT(packed.size(), bytes.size());
+    const size_t size = packed.size();
+    packed.insert(packed.end(), {1, 2, 3});  // somebody else's
+    std::vector<uint8_t> back;
+    const auto take = [&](std::span<const uint8_t> more) {
+        EXPECT_LE(more.size(), size_t{1} << 20);
+        back.insert(back.end(), more.begin(), more.end());
+    };
+    EXPECT_EQ(inflate(packed, Packing::raw, "x", take), size);
+    EXPECT_EQ(back, bytes);
+    EXPECT_EQ(messageOf<InputError>(
+                  [&] { inflate(std::span(packed).first(size / 2), Packing::raw, "x", take); }),
+              "x: its packed bytes are damaged or cut short");
+    // take() ends it.
+    EXPECT_THROW(
+        inflate(packed, Packing::raw, "x", [](std::span<const uint8_t>) { throwInput("enough"); }),
+        InputError);
 }
 
 TEST(Npz, refusesHostileZips) {

@@ -12,6 +12,7 @@
 
 #include "engine/atomic_file.h"
 #include "engine/error.h"
+#include "engine/numbers.h"
 #include "engine/printable.h"
 
 namespace doppel {
@@ -75,20 +76,6 @@ size_t otherItemSize(std::string_view dtype) {
     return 0;
 }
 
-float halfToFloat(uint16_t half) {
-    const int exponent = half >> 10 & 31;
-    const int mantissa = half & 1023;
-    float value;
-    if (exponent == 31) {
-        value = mantissa ? NAN : INFINITY;
-    } else if (exponent == 0) {
-        value = std::ldexp(static_cast<float>(mantissa), -24);
-    } else {
-        value = std::ldexp(static_cast<float>(mantissa + 1024), exponent - 25);
-    }
-    return half & 0x8000 ? -value : value;
-}
-
 std::vector<float> convert(std::string_view dtype, std::span<const uint8_t> bytes) {
     std::vector<float> values(bytes.size() / itemSize(dtype, {}));
     const auto loop = [&]<typename T>(T, auto toFloat) {
@@ -105,12 +92,7 @@ std::vector<float> convert(std::string_view dtype, std::span<const uint8_t> byte
     } else if (dtype == "F16") {
         loop(uint16_t{}, halfToFloat);
     } else {
-        loop(uint16_t{}, [](uint16_t raw) {
-            const uint32_t bits = uint32_t{raw} << 16;
-            float value;
-            std::memcpy(&value, &bits, 4);
-            return value;
-        });
+        loop(uint16_t{}, bfloat16ToFloat);
     }
     return values;
 }

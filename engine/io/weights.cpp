@@ -10,6 +10,7 @@
 #include "engine/atomic_file.h"
 #include "engine/error.h"
 #include "engine/io/pickle.h"
+#include "engine/numbers.h"
 #include "engine/printable.h"
 #include "engine/zip.h"
 
@@ -50,8 +51,7 @@ std::vector<float> toFloats(const StorageType& type, std::span<const uint8_t> by
         for (size_t i = 0; i < count; ++i) {
             uint16_t half;
             std::memcpy(&half, &bytes[2 * i], 2);
-            const uint32_t bits = uint32_t{half} << 16;
-            std::memcpy(&values[i], &bits, 4);
+            values[i] = bfloat16ToFloat(half);
         }
         return values;
     }
