@@ -7,8 +7,8 @@
 #include <limits>
 
 #include "engine/error.h"
+#include "engine/files/npz.h"
 #include "engine/io/image.h"
-#include "engine/npz.h"
 #include "tests/files.h"
 #include "trainer/data/capture.h"
 #include "trainer/data/capture_writer.h"

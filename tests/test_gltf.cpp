@@ -12,8 +12,8 @@
 #include <cstring>
 #include <set>
 
-#include "engine/atomic_file.h"
 #include "engine/error.h"
+#include "engine/files/atomic_file.h"
 #include "tests/files.h"
 
 namespace doppel {

@@ -6,8 +6,8 @@
 #include <random>
 
 #include "engine/error.h"
+#include "engine/files/npz.h"
 #include "engine/io/image.h"
-#include "engine/npz.h"
 #include "tests/files.h"
 #include "trainer/eval/metrics.h"
 #include "trainer/import/chroma_key.h"

@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "engine/npz.h"
+#include "engine/files/npz.h"
 #include "trainer/eval/metrics.h"
 
 namespace doppel {

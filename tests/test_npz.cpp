@@ -1,6 +1,6 @@
 // .npy and .npz: what is written is read back, NumPy's own files are read, and no damage to a file
 // does more than an InputError.
-#include "engine/npz.h"
+#include "engine/files/npz.h"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>
@@ -12,10 +12,10 @@
 #include <limits>
 #include <random>
 
-#include "engine/atomic_file.h"
-#include "engine/deflate.h"
 #include "engine/error.h"
-#include "engine/numbers.h"
+#include "engine/files/atomic_file.h"
+#include "engine/files/deflate.h"
+#include "engine/files/numbers.h"
 #include "tests/files.h"
 
 namespace doppel {

@@ -9,8 +9,8 @@
 
 #include <functional>
 
-#include "engine/atomic_file.h"
 #include "engine/error.h"
+#include "engine/files/atomic_file.h"
 #include "tests/files.h"
 
 namespace doppel {

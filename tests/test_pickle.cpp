@@ -7,8 +7,8 @@
 #include <cstring>
 #include <random>
 
-#include "engine/atomic_file.h"
 #include "engine/error.h"
+#include "engine/files/atomic_file.h"
 #include "tests/files.h"
 
 namespace doppel {

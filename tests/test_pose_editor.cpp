@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "engine/error.h"
-#include "engine/npz.h"
+#include "engine/files/npz.h"
 #include "tests/files.h"
 #include "trainer/motion/motion.h"
 #include "viewer/pose_editor.h"

@@ -13,8 +13,8 @@
 #include <iterator>
 #include <map>
 
+#include "engine/files/npz.h"
 #include "engine/io/image.h"
-#include "engine/npz.h"
 #include "tests/files.h"
 #include "tests/op_test.h"
 #include "trainer/avatar/avatar.h"

@@ -4,8 +4,8 @@
 
 #include <gtest/gtest.h>
 
-#include "engine/atomic_file.h"
 #include "engine/error.h"
+#include "engine/files/atomic_file.h"
 #include "engine/io/pickle.h"
 #include "tests/files.h"
 

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "engine/error.h"
-#include "engine/npz.h"
+#include "engine/files/npz.h"
 #include "trainer/motion/motion.h"
 
 namespace doppel {

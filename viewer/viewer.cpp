@@ -7,8 +7,8 @@
 #include <cmath>
 #include <fstream>
 
-#include "engine/atomic_file.h"
 #include "engine/error.h"
+#include "engine/files/atomic_file.h"
 #include "trainer/avatar/export.h"
 #include "trainer/avatar/picture_sequence.h"
 #include "trainer/avatar/rendering.h"

@@ -12,8 +12,8 @@
 #include <memory>
 #include <utility>
 
-#include "engine/atomic_file.h"
 #include "engine/error.h"
+#include "engine/files/atomic_file.h"
 
 namespace doppel {
 namespace fs = std::filesystem;

@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <unordered_set>
 
-#include "engine/atomic_file.h"
-#include "engine/deflate.h"
 #include "engine/error.h"
+#include "engine/files/atomic_file.h"
+#include "engine/files/deflate.h"
+#include "engine/files/printable.h"
 #include "engine/io/pickle_graph.h"
 #include "engine/io/pickle_machine.h"
-#include "engine/printable.h"
 
 namespace doppel {
 

@@ -18,7 +18,7 @@
 #include <utility>
 #include <vector>
 
-#include "engine/npz.h"
+#include "engine/files/npz.h"
 
 namespace doppel {
 

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "engine/error.h"
-#include "engine/printable.h"
+#include "engine/files/printable.h"
 
 namespace doppel::pickle {
 

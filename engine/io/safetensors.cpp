@@ -10,10 +10,10 @@
 #include <unordered_set>
 #include <utility>
 
-#include "engine/atomic_file.h"
 #include "engine/error.h"
-#include "engine/numbers.h"
-#include "engine/printable.h"
+#include "engine/files/atomic_file.h"
+#include "engine/files/numbers.h"
+#include "engine/files/printable.h"
 
 namespace doppel {
 namespace {

@@ -15,8 +15,8 @@ extern "C" {
 #include <string>
 #include <utility>
 
-#include "engine/atomic_file.h"
 #include "engine/error.h"
+#include "engine/files/atomic_file.h"
 
 namespace doppel {
 namespace {

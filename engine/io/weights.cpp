@@ -7,12 +7,12 @@
 #include <map>
 #include <optional>
 
-#include "engine/atomic_file.h"
 #include "engine/error.h"
+#include "engine/files/atomic_file.h"
+#include "engine/files/numbers.h"
+#include "engine/files/printable.h"
+#include "engine/files/zip.h"
 #include "engine/io/pickle.h"
-#include "engine/numbers.h"
-#include "engine/printable.h"
-#include "engine/zip.h"
 
 namespace doppel {
 

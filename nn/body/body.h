@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "engine/npz.h"
+#include "engine/files/npz.h"
 #include "nn/body/joint.h"
 
 namespace doppel {

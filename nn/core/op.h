@@ -21,7 +21,7 @@
 #include <string_view>
 #include <vector>
 
-#include "engine/npz.h"
+#include "engine/files/npz.h"
 #include "nn/core/graph.h"
 
 namespace doppel {

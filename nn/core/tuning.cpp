@@ -8,8 +8,8 @@
 #include <type_traits>
 #include <vector>
 
-#include "engine/atomic_file.h"
 #include "engine/error.h"
+#include "engine/files/atomic_file.h"
 
 namespace doppel {
 

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <sstream>
 
-#include "engine/atomic_file.h"
+#include "engine/files/atomic_file.h"
 #include "engine/io/image.h"
 #include "engine/io/pickle.h"
 #include "engine/io/safetensors.h"

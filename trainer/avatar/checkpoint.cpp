@@ -7,9 +7,9 @@
 #include <cmath>
 #include <sstream>
 
-#include "engine/atomic_file.h"
+#include "engine/files/atomic_file.h"
+#include "engine/files/printable.h"
 #include "engine/io/safetensors.h"
-#include "engine/printable.h"
 #include "trainer/data/output_folder.h"
 
 namespace doppel {

@@ -9,7 +9,7 @@
 #include <iostream>
 #include <iterator>
 
-#include "engine/atomic_file.h"
+#include "engine/files/atomic_file.h"
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/commands/command.h"
 #include "trainer/data/frame_selection.h"

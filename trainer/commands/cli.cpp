@@ -11,8 +11,8 @@
 #include <new>
 #include <optional>
 
-#include "engine/atomic_file.h"
 #include "engine/error.h"
+#include "engine/files/atomic_file.h"
 #include "trainer/data/progress.h"
 #include "trainer/data/version.h"
 

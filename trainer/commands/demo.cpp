@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
-#include "engine/atomic_file.h"
+#include "engine/files/atomic_file.h"
 #include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/background.h"
 #include "trainer/avatar/export.h"

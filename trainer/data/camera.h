@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "engine/npz.h"
+#include "engine/files/npz.h"
 #include "trainer/data/pose.h"
 
 namespace doppel {

@@ -7,8 +7,8 @@
 #include <string_view>
 #include <utility>
 
-#include "engine/atomic_file.h"
 #include "engine/error.h"
+#include "engine/files/atomic_file.h"
 #include "trainer/data/output_folder.h"
 
 namespace doppel {

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <vector>
 
-#include "engine/atomic_file.h"
 #include "engine/error.h"
+#include "engine/files/atomic_file.h"
+#include "engine/files/npz.h"
 #include "engine/io/image.h"
-#include "engine/npz.h"
 #include "trainer/data/capture_notes.h"
 
 namespace doppel {

@@ -13,9 +13,9 @@
 #include <set>
 #include <system_error>
 
-#include "engine/atomic_file.h"
 #include "engine/error.h"
-#include "engine/printable.h"
+#include "engine/files/atomic_file.h"
+#include "engine/files/printable.h"
 
 namespace doppel {
 namespace fs = std::filesystem;

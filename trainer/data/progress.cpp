@@ -9,7 +9,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "engine/atomic_file.h"
+#include "engine/files/atomic_file.h"
 
 namespace doppel {
 

@@ -10,9 +10,9 @@
 #include <numbers>
 #include <optional>
 
-#include "engine/atomic_file.h"
 #include "engine/error.h"
-#include "engine/printable.h"
+#include "engine/files/atomic_file.h"
+#include "engine/files/printable.h"
 
 namespace doppel {
 

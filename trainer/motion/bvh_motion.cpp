@@ -8,7 +8,7 @@
 #include <optional>
 
 #include "engine/error.h"
-#include "engine/printable.h"
+#include "engine/files/printable.h"
 #include "nn/body/joint.h"
 #include "trainer/motion/bvh.h"
 

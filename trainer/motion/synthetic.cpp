@@ -5,8 +5,8 @@
 #include <future>
 #include <glm/gtc/quaternion.hpp>
 
+#include "engine/files/npz.h"
 #include "engine/io/image.h"
-#include "engine/npz.h"
 #include "trainer/data/body_render.h"
 #include "trainer/data/capture_writer.h"
 

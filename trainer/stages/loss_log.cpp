@@ -7,8 +7,8 @@
 #include <limits>
 #include <sstream>
 
-#include "engine/atomic_file.h"
 #include "engine/error.h"
+#include "engine/files/atomic_file.h"
 #include "engine/io/tensorboard.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"

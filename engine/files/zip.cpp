@@ -1,4 +1,4 @@
-#include "engine/zip.h"
+#include "engine/files/zip.h"
 
 #include <zlib.h>
 
@@ -6,9 +6,9 @@
 #include <cstring>
 #include <utility>
 
-#include "engine/deflate.h"
 #include "engine/error.h"
-#include "engine/printable.h"
+#include "engine/files/deflate.h"
+#include "engine/files/printable.h"
 
 namespace doppel {
 

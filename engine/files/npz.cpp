@@ -1,4 +1,4 @@
-#include "engine/npz.h"
+#include "engine/files/npz.h"
 
 #include <algorithm>
 #include <bit>
@@ -10,11 +10,11 @@
 #include <type_traits>
 #include <unordered_set>
 
-#include "engine/atomic_file.h"
 #include "engine/error.h"
-#include "engine/numbers.h"
-#include "engine/printable.h"
-#include "engine/zip.h"
+#include "engine/files/atomic_file.h"
+#include "engine/files/numbers.h"
+#include "engine/files/printable.h"
+#include "engine/files/zip.h"
 
 static_assert(std::endian::native == std::endian::little, "arrays are kept little-endian");
 

@@ -1,4 +1,4 @@
-#include "engine/printable.h"
+#include "engine/files/printable.h"
 
 namespace doppel {
 

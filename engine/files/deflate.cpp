@@ -1,4 +1,4 @@
-#include "engine/deflate.h"
+#include "engine/files/deflate.h"
 
 #include <zlib.h>
 

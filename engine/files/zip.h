@@ -12,7 +12,7 @@
 #include <string_view>
 #include <vector>
 
-#include "engine/atomic_file.h"
+#include "engine/files/atomic_file.h"
 
 namespace doppel {
 
