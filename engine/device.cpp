@@ -242,21 +242,34 @@ Buffer Device::allocate(uint64_t bytes, Memory memory) {
             {memoryInUse_, memory == Memory::Device ? requirements.size : 0}};
 }
 
+// The kernel that an op means by name: with cpu its variant for CPUs (shaders/shaders.cmake), where
+// it has one, in place of the plain one, which an op may ask for by "@plain".
+static const ShaderTableRow& kernelRow(std::string_view name, bool cpu) {
+    constexpr std::string_view kPlain = "@plain", kCpu = "@cpu";
+    const auto table = shaderTable();
+    auto row = table.end();
+    if (name.ends_with(kPlain))
+        name.remove_suffix(kPlain.size());
+    else if (cpu)
+        row = std::ranges::find(table, std::string(name).append(kCpu), &ShaderTableRow::name);
+    if (row == table.end()) row = std::ranges::find(table, name, &ShaderTableRow::name);
+    CHECK(row != table.end(), "there is a shader entry {}", name);
+    return *row;
+}
+
 const Kernel& Device::kernel(std::string_view name, const Specialisation& specialisation) {
     auto key = std::pair(std::string(name), specialisation);
     auto found = kernels_.find(key);
     if (found == kernels_.end()) {
-        auto row = std::ranges::find(shaderTable(), name, &ShaderTableRow::name);
-        CHECK(row != shaderTable().end(), "there is a shader entry {}", name);
+        const ShaderTableRow& row = kernelRow(name, kernelPath().texels);
         Specialisation complete = specialisation;
-        const bool descriptors = binding_ == Binding::Descriptors;
-        if (kernelPath().onCpu && reflect(row->descriptors).constants.contains("kOnCpu"))
+        if (kernelPath().onCpu && reflect(row.descriptors).constants.contains("kOnCpu"))
             complete["kOnCpu"] = 1;  // of shaders/common/op.glsl
         checkKernel(info_, *row, descriptors, complete);
         found = kernels_
                     .emplace(std::move(key),
-                             std::make_unique<Kernel>(device_, pipelineCache_, *row, descriptors,
-                                                      complete, !kernelPath().onCpu))
+                             std::make_unique<Kernel>(device_, pipelineCache_, row,
+                                                      binding_ == Binding::Descriptors, complete))
                     .first;
     }
     return *found->second;

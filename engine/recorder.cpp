@@ -293,9 +293,20 @@ void Recorder::bind(const Kernel& kernel, std::span<const BoundBuffer> buffers,
         slots[wanted.slot] = described(given->view);
         accesses.push_back(accessOf(slots[wanted.slot], wanted.reads, wanted.writes));
     }
-    CHECK(buffers.size() == reflection.buffers.size(),
-          "{} is given only the {} buffers that it uses, not {}", kernel.name(),
-          reflection.buffers.size(), buffers.size());
+    // A variant of a kernel may read or write memory by another name: in pairs, or as texels.
+    auto uses = [&](const BoundBuffer& given) {
+        return std::ranges::any_of(reflection.buffers, [&](const KernelBuffer& buffer) {
+            return buffer.name == given.name;
+        });
+    };
+    for (const BoundBuffer& given : buffers)
+        CHECK(std::ranges::any_of(buffers,
+                                  [&](const BoundBuffer& other) {
+                                      return uses(other) &&
+                                             other.view.buffer == given.view.buffer &&
+                                             other.view.offset == given.view.offset;
+                                  }),
+              "{} uses the memory of {} that it is given", kernel.name(), given.name);
     barrierFor(accesses);
     noteKernel(kernel.name(), device_.binding() == Binding::Descriptors);
 

@@ -6,7 +6,7 @@
 
 #include "common/divide.h"
 #include "conv/params.h"
-#include "nn/ops/conv/winograd.h"
+#include "nn/ops/conv/algorithm.h"
 #include "nn/ops/linalg.h"
 #include "tests/op_test.h"
 
@@ -323,7 +323,7 @@ TEST(Conv, SinglePixels) {
 // Which layers take Winograd's way; not one whose matrices the kernels cannot count.
 TEST(Conv, WinogradPays) {
     auto pays = [](int64_t channels, int64_t side, int64_t stride, int64_t kernel = 4) {
-        return winogradPays(testDevice(), {.images = 1,
+        return kWinogradConvolution.pays(testDevice(), {.images = 1,
                                            .channels = channels,
                                            .height = side,
                                            .width = side,

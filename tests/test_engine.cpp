@@ -96,12 +96,12 @@ TEST(Kernels, CooperativeMatrixTypesAreCompleted) {
 // Buffers that are read as texels are told from the others, and have a descriptor in either
 // flavour.
 TEST(Kernels, ReflectsTexels) {
-    auto row = std::ranges::find(shaderTable(), std::string_view("mesh/graph_panels_pairs.gather"),
+    auto row = std::ranges::find(shaderTable(), std::string_view("mesh/graph_panels.gather@cpu"),
                                  &ShaderTableRow::name);
     Reflection reflection = reflect(row->descriptors);
     EXPECT_TRUE(reflection.texels);
     for (const KernelBuffer& buffer : reflection.buffers) {
-        EXPECT_EQ(buffer.texels, buffer.name == "x") << buffer.name;
+        EXPECT_EQ(buffer.texels, buffer.name == "quads") << buffer.name;
         if (buffer.texels) {
             EXPECT_TRUE(buffer.reads);
             EXPECT_FALSE(buffer.writes);

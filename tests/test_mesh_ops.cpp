@@ -231,7 +231,7 @@ TEST(MeshOps, GraphConv) {
         checkOp("graph_conv", graphConvCase(V, I, O));
     // Outputs at the edges of an invocation's columns, rows at those of a panel, and columns of x
     // with and without padding to a multiple of four.
-    for (int64_t O : edgeSizes(kPairColumns)) checkOp("graph_conv", graphConvCase(13, 8, O));
+    for (int64_t O : edgeSizes(4)) checkOp("graph_conv", graphConvCase(13, 8, O));
     for (int64_t V : edgeSizes(gemmPanelRows(testDevice(), 1000)))
         checkOp("graph_conv", graphConvCase(V, 11, 32));
     for (int64_t I : {3, 4, 5, 43, 44, 45, 87, 88}) checkOp("graph_conv", graphConvCase(9, I, 4));

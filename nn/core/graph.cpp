@@ -5,7 +5,8 @@
 #include <set>
 #include <utility>
 
-#include "nn/ops/elementwise.h"
+#include "elementwise/params.h"
+#include "nn/core/blocks.h"
 
 namespace doppel {
 
@@ -242,7 +243,13 @@ Tensor Graph::gradientTarget(const Tensor& input) {
 }
 
 void Graph::accumulateGradients() {
-    for (auto& [total, more] : pendingSums_) addInto(*this, total, more);
+    for (auto& [total, more] : pendingSums_) {
+        const auto n = static_cast<uint64_t>(total.elements());
+        const Places places = placesOf(device_, n);
+        dispatchGroups("elementwise/add.into", {{"total", total}, {"more", more}},
+                       ElementParams{static_cast<uint32_t>(n)}, places.groups, places.spec,
+                       places.invocations);
+    }
     pendingSums_.clear();
 }
 

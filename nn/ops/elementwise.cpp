@@ -5,7 +5,7 @@
 #include "common/pairs.h"
 #include "elementwise/params.h"
 #include "nn/core/op.h"
-#include "nn/ops/blocks.h"
+#include "nn/core/places.h"
 
 namespace doppel {
 
@@ -132,7 +132,6 @@ namespace {
 void concatPart(Graph& graph, bool backward, const Tensor& part, const Tensor& y, const Tensor& dy,
                 int64_t inner, int64_t innerAll, int64_t start, bool rectified) {
     ConcatParams params{count(part),
-                        static_cast<uint32_t>(inner),
                         static_cast<uint32_t>(innerAll),
                         static_cast<uint32_t>(start),
                         divisorOf(uint64_t(inner)),
@@ -213,11 +212,6 @@ Tensor dropout(Graph& graph, const Tensor& x, float rate, uint32_t stream) {
                        {{"x", graph.gradient(y)}, {"y", dx}, {"step", step}}, params, pairs(x));
     });
     return y;
-}
-
-void addInto(Graph& graph, const Tensor& total, const Tensor& more) {
-    dispatchPlaces(graph, "elementwise/add.into", {{"total", total}, {"more", more}},
-                   ElementParams{count(total)}, elements(total));
 }
 
 // ---- for op_runner ------------------------------------------------------------------------------

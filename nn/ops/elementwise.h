@@ -33,7 +33,4 @@ Tensor concatRelu(Graph& graph, const Tensor& a, const Tensor& b, int axis = 1);
 // For training; a network in evaluation leaves it out. Gradient to x.
 Tensor dropout(Graph& graph, const Tensor& x, float rate, uint32_t stream);
 
-// total += more, in place. The graph sums gradients with it; no gradient of its own.
-void addInto(Graph& graph, const Tensor& total, const Tensor& more);
-
 }  // namespace doppel

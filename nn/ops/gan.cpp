@@ -21,7 +21,7 @@ Tensor ganLoss(Graph& graph, const GanLossKernels& kernels, const Tensor& x, boo
     GanLossParams params{u32(x.elements()), real ? 1.0f : 0.0f};
     Tensor loss = graph.temporary({});
     graph.beginOp(kernels.name);
-    uint32_t lanes = vectorLanes(graph.device());
+    uint32_t lanes = graph.device().kernelPath().vectorLanes;
     graph.dispatchGroups(kernels.mean, {{"x", x}, {"loss", loss}}, params, Groups{1, 1, 1},
                          {{"local_size", lanes > 0 ? lanes : 256}});
     graph.differentiate({x}, {loss}, [=, &graph] {
@@ -46,16 +46,14 @@ Tensor cropWindow(Graph& graph, const Tensor& x, const Tensor& centres, int64_t 
           "pictures [N,C,H,W] have centres [N,2], not {} and {}", toString(x.shape),
           toString(centres.shape));
     CHECK(size > 0, "a window has pixels");
-    CropWindowParams params{.planes = u32(x.dim(0) * x.dim(1)),
-                            .channels = u32(x.dim(1)),
-                            .width = u32(x.dim(3)),
+    CropWindowParams params{.width = u32(x.dim(3)),
                             .height = u32(x.dim(2)),
                             .size = u32(size),
                             .byChannels = divisorOf(uint64_t(x.dim(1)))};
     Tensor y = graph.temporary({x.dim(0), x.dim(1), size, size});
     graph.beginOp("crop_window");
     Specialisation spec;
-    Groups groups = planes(size, size, params.planes, spec);
+    Groups groups = planes(size, size, x.dim(0) * x.dim(1), spec);
     graph.dispatchGroups("gan/crop_window.forward", {{"x", x}, {"centres", centres}, {"y", y}},
                          params, groups, spec);
     graph.differentiate({x}, {y}, [=, &graph] {
@@ -75,12 +73,12 @@ Tensor misalignedRegion(Graph& graph, const Tensor& rendered, const Tensor& real
     CHECK(centres.shape.size() == 2 && centres.dim(1) == 2 && row >= 0 && row < centres.dim(0) &&
               faceSize >= 0,
           "row {} is one of the centres {}", row, toString(centres.shape));
-    MisalignedRegionParams params{u32(rendered.dim(1)), u32(rendered.dim(0)), u32(row),
-                                  u32(faceSize), oneSided ? 1u : 0u};
+    MisalignedRegionParams params{u32(rendered.dim(1)), u32(row), u32(faceSize),
+                                  oneSided ? 1u : 0u};
     Tensor region = graph.temporary(rendered.shape);
     graph.beginOp("misaligned_region");
     Specialisation spec;
-    Groups groups = planes(params.width, params.height, 1, spec);
+    Groups groups = planes(rendered.dim(1), rendered.dim(0), 1, spec);
     graph.dispatchGroups(
         "gan/misaligned_region.forward",
         {{"rendered", rendered}, {"real", real}, {"centres", centres}, {"region", region}}, params,
@@ -101,27 +99,24 @@ Tensor planar(Graph& graph, const std::vector<Tensor>& images, const std::vector
     CHECK(images.size() == 1 || elementCount(shape) % 4 == 0,
           "pictures of a batch start at multiples of 16 bytes, not {}", toString(shape));
     PlanarParams params{u32(shape[2]), u32(shape[0] * shape[1])};
-    bool pairs = params.channels == 3 && params.pixels % 2 == 0;
-    uint64_t invocations = pairs ? params.pixels / 2 : params.pixels;
     Specialisation spec{{"kMasked", masks.empty() ? 0u : 1u}};
     Tensor y = graph.temporary({static_cast<int64_t>(images.size()), shape[2], shape[0], shape[1]});
     auto maskOf = [=, &graph](size_t n) { return masks.empty() ? graph.none() : masks[n]; };
     graph.beginOp("planar");
     for (size_t n = 0; n < images.size(); ++n)
-        graph.dispatch(pairs ? "gan/planar.forward_pairs" : "gan/planar.forward",
-                       {{pairs ? "images" : "image", images[n]},
-                        {pairs ? "masks" : "mask", maskOf(n)},
-                        {pairs ? "ys" : "y", y.slice(static_cast<int64_t>(n), 1)}},
-                       params, invocations, spec);
+        graph.dispatch(
+            "gan/planar.forward",
+            {{"image", images[n]}, {"mask", maskOf(n)}, {"y", y.slice(static_cast<int64_t>(n), 1)}},
+            params, params.pixels, spec);
     graph.differentiate(images, {y}, [=, &graph] {
         Tensor dy = graph.gradient(y);
         for (size_t n = 0; n < images.size(); ++n)
             if (graph.wantsGradient(images[n]))
-                graph.dispatch(pairs ? "gan/planar.backward_pairs" : "gan/planar.backward",
-                               {{pairs ? "masks" : "mask", maskOf(n)},
-                                {pairs ? "dys" : "dy", dy.slice(static_cast<int64_t>(n), 1)},
-                                {pairs ? "dImages" : "dImage", graph.gradientTarget(images[n])}},
-                               params, invocations, spec);
+                graph.dispatch("gan/planar.backward",
+                               {{"mask", maskOf(n)},
+                                {"dy", dy.slice(static_cast<int64_t>(n), 1)},
+                                {"dImage", graph.gradientTarget(images[n])}},
+                               params, params.pixels, spec);
     });
     return y;
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "common/panels.h"
 #include "linalg/params.h"
 #include "nn/core/op.h"
 #include "nn/core/tuning.h"
@@ -18,7 +19,7 @@ uint32_t u32(int64_t value) {
 int64_t ceilDiv(int64_t a, int64_t b) { return (a + b - 1) / b; }
 
 // Panels of halves have a multiple of so many steps of k, and are zero behind k: a side of any
-// device's matrices, and of gemm.glsl's loop.
+// device's matrices, and of gemm.comp's loop.
 constexpr int64_t kHalfSteps = std::max<int64_t>(kMatrixTile, kGemmUnroll);
 int64_t halfPanelSteps(int64_t k) { return ceilDiv(k, kHalfSteps) * kHalfSteps; }
 
@@ -92,7 +93,7 @@ struct Source {
     int64_t start, batch, strideMatrix, count, strideItem, strideStep;
     int64_t stridePanel = 0;  // 0: width items
 };
-// halves: rounded, two to an element, and, with largest, scaled. interleaved: kGemmInterleaved.
+// halves: rounded, two to an element, and, with largest, scaled. interleaved: kLayoutInterleaved.
 Tensor pack(Graph& graph, const Source& s, int64_t steps, int64_t stepsInPanel, uint32_t width,
             bool halves = false, const Tensor& largest = {}, bool interleaved = false) {
     int64_t panels = ceilDiv(s.count, width);
@@ -188,10 +189,6 @@ int64_t columnsApart(const Gemm& g, const Plan& p) {
 
 }  // namespace
 
-bool loadsTexels(const Device& device) { return device.kernelPath().texels; }
-
-uint32_t vectorLanes(const Device& device) { return device.kernelPath().vectorLanes; }
-
 int64_t gemmPanelSteps(int64_t k) { return ceilDiv(k, kGemmUnroll) * kGemmUnroll; }
 
 int64_t gemmPanelRows(const Device& device, int64_t m) {
@@ -273,8 +270,8 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
     const bool listed = g.rows && g.panelsA;
     CHECK(!listed || gemmTakesRows(graph.device()), "this product can leave rows out");
     Tensor left = a, right = b;
-    uint32_t layoutA = g.transA ? kGemmTransposed : g.panelsA ? kGemmPanels : kGemmRows;
-    uint32_t layoutB = g.transB ? kGemmTransposed : g.panelsB ? kGemmPanels : kGemmRows;
+    uint32_t layoutA = g.transA ? kLayoutTransposed : g.panelsA ? kLayoutRowPanels : kLayoutRows;
+    uint32_t layoutB = g.transB ? kLayoutTransposed : g.panelsB ? kLayoutColumnPanels : kLayoutRows;
     if (g.panelsA) g.lda = gemmPanelSteps(g.k) * p.rows;
     if (g.panelsB) g.ldb = g.k * p.columns();
     int64_t stepsA = p.halves ? halfPanelSteps(g.k) : gemmPanelSteps(g.k);
@@ -288,7 +285,7 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
         if (g.panelsA)  // panels already, of single precision
             source = {a, 0, matrices, g.strideA, ceilDiv(g.m, p.rows) * p.rows, 1, p.rows, g.lda};
         left = pack(graph, source, g.k, stepsA, p.rows, p.halves, g.largestA);
-        layoutA = kGemmPanels;
+        layoutA = kLayoutRowPanels;
         g.startA = 0;
         g.lda = stepsA * p.rows;
         if (matrices > 1) g.strideA = ceilDiv(g.m, p.rows) * g.lda;
@@ -303,7 +300,7 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
         }
         right =
             pack(graph, source, g.k, stepsB, u32(p.columns()), p.halves, g.largestB, interleaved);
-        layoutB = interleaved ? kGemmInterleaved : kGemmPanels;
+        layoutB = interleaved ? kLayoutInterleaved : kLayoutColumnPanels;
         g.startB = 0;
         g.ldb = stepsB * p.columns();
         if (matrices > 1) g.strideB = ceilDiv(g.n, p.columns()) * g.ldb;
@@ -362,33 +359,30 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
                               {"kColumns", u32(g.n)},
                               {"kTransB", false},
                               {"kSums", bool(g.sums)}});
-    } else if (p.onCpu) {
-        spec["kQuadA"] =
-            !p.halves && (layoutA == kGemmPanels || divisible(4, {g.lda, g.startA, g.strideA}));
-        spec["kQuadB"] =
-            !p.halves && (layoutB >= kGemmPanels ||
-                          divisible(4, {g.ldb, g.startB, g.strideB, g.transB ? g.k : 0}));
-        spec["kEvenC"] = divisible(2, {g.ldc, g.startC, g.strideC, g.n, split ? strideCPart : 0});
-        spec["kListed"] = listed;
+    } else {
         std::initializer_list<Argument> arguments{
             {"a", left},       {"b", right},         {"c", out},
             {"bias", bias},    {"largest", largest}, {"aQuads", left},
             {"bQuads", right}, {"cPairs", out},      {"listed", g.rows.list(graph)}};
+        if (p.onCpu) {
+            const bool panelsB = layoutB == kLayoutColumnPanels || layoutB == kLayoutInterleaved;
+            spec["kQuadA"] = !p.halves && (layoutA == kLayoutRowPanels ||
+                                           divisible(4, {g.lda, g.startA, g.strideA}));
+            spec["kQuadB"] =
+                !p.halves &&
+                (panelsB || divisible(4, {g.ldb, g.startB, g.strideB, g.transB ? g.k : 0}));
+            spec["kEvenC"] =
+                divisible(2, {g.ldc, g.startC, g.strideC, g.n, split ? strideCPart : 0});
+            spec["kListed"] = listed;
+        }
         if (listed)
-            graph.dispatchIndirect("linalg/gemm_texels.tile", arguments, params,
+            graph.dispatchIndirect("linalg/gemm.tile", arguments, params,
                                    g.rows.groups(p.rows / kRowsListed, groups.y, groups.z), spec);
         else
-            graph.dispatchGroups("linalg/gemm_texels.tile", arguments, params, groups, spec);
-    } else {
-        graph.dispatchGroups(
-            "linalg/gemm.tile",
-            {{"a", left}, {"b", right}, {"c", out}, {"bias", bias}, {"largest", largest}}, params,
-            groups, spec);
+            graph.dispatchGroups("linalg/gemm.tile", arguments, params, groups, spec);
     }
     if (!split) return;
     GemmReduceParams reduce{.elements = u32(strideCPart),
-                            .m = u32(g.m),
-                            .n = u32(g.n),
                             .ldc = u32(shape.ldc ? shape.ldc : g.n),
                             .startC = u32(shape.startC),
                             .strideC = u32(shape.strideC),
@@ -418,7 +412,7 @@ void sumAxis(Graph& graph, const Tensor& x, int64_t outer, int64_t count, int64_
     CHECK(outer * count * inner <= x.elements() && outer * inner <= target.elements(),
           "a sum over [{},{},{}] lies within its tensors", outer, count, inner);
     if (outer * inner == 0) return;
-    bool quads = loadsTexels(graph.device()) && inner % 4 == 0;
+    bool quads = graph.device().kernelPath().texels && inner % 4 == 0;
     const char* kernel = quads ? "linalg/sum.axis_quads" : "linalg/sum.axis";
     const char* name = quads ? "xQuads" : "x";
     int64_t each = quads ? 4 : 1;  // columns of an invocation

@@ -34,12 +34,6 @@ struct Gemm {
     ListedRows rows;
 };
 
-// Lanes of a CPU's vector, where a workgroup of so many is one subgroup and kernels hand out what
-// they load by broadcasts; 0 elsewhere.
-uint32_t vectorLanes(const Device& device);
-// Whether the device runs the kernels that read texels (TEXELS in shaders/common/op.glsl).
-bool loadsTexels(const Device& device);
-
 // How many columns of B a panel has, for a B of n columns; rows of A, for m of them; and steps of
 // k that a panel of A has.
 int64_t gemmPanelWidth(const Device& device, int64_t n);

@@ -1,8 +1,8 @@
 #include "nn/ops/loss.h"
 
+#include "common/pairs.h"
 #include "loss/params.h"
 #include "nn/core/op.h"
-#include "nn/ops/blocks.h"
 #include "nn/ops/raster.h"
 
 namespace doppel {
@@ -50,47 +50,26 @@ Tensor maskedL1Loss(Graph& graph, const Tensor& predicted, const Tensor& target,
     pixels.pop_back();
     CHECK(mask.shape == pixels, "mask {} has the pixels of predicted {}", toString(mask.shape),
           toString(predicted.shape));
-    MaskedL1LossParams params{u32(mask.elements()), u32(predicted.dim(-1)), kPartials, {}};
-    // Colours are worked on by two pixels at once, on CPUs by blocks.
-    bool pairs = params.channels == 3 && params.n % 2 == 0;
-    constexpr uint32_t kEach = kMaskBlocks * kBlockElements, kTogether = 16;
-    uint32_t lanes = blockLanes(graph.device());
-    bool blocks = params.channels == 3 && params.n % (kEach * kTogether) == 0 && lanes > 0;
-    if (blocks) params.partials = params.n / kEach;
-    Tensor partial = graph.temporary({params.partials, 2}), maskSum = graph.temporary({});
+    MaskedL1LossParams params{u32(mask.elements()), u32(predicted.dim(-1)), kPartials};
+    Tensor partial = graph.temporary({kPartials, 2}), maskSum = graph.temporary({});
     Tensor loss = graph.temporary({});
-    const char* predictedName = pairs ? "predictedPairs" : "predicted";
-    const char* targetName = pairs ? "targetPairs" : "target";
-    const char* maskName = pairs ? "maskPairs" : "mask";
     graph.beginOp("masked_l1_loss");
-    if (blocks)
-        graph.dispatchGroups(
-            "loss/masked_l1_blocks.sums",
-            {{"predicted", predicted}, {"target", target}, {"mask", mask}, {"partial", partial}},
-            params, {params.partials / kTogether, 1, 1},
-            {{"local_size", lanes * kTogether},
-             {"kLanes", lanes},
-             {"kDigits", blockDigits(params.partials)}});
-    else
-        graph.dispatch(pairs ? "loss/masked_l1_loss.sums_pairs" : "loss/masked_l1_loss.sums",
-                       {{predictedName, predicted},
-                        {targetName, target},
-                        {maskName, mask},
-                        {"partial", partial}},
-                       params, params.partials);
+    graph.dispatch(
+        "loss/masked_l1_loss.sums",
+        {{"predicted", predicted}, {"target", target}, {"mask", mask}, {"partial", partial}},
+        params, kPartials);
     graph.dispatchGroups("loss/masked_l1_loss.finish",
                          {{"partial", partial}, {"maskSum", maskSum}, {"loss", loss}}, params,
                          kOneGroup);
     graph.differentiate({predicted}, {loss}, [=, &graph] {
-        graph.dispatch(
-            pairs ? "loss/masked_l1_loss.backward_pairs" : "loss/masked_l1_loss.backward",
-            {{predictedName, predicted},
-             {targetName, target},
-             {maskName, mask},
-             {"maskSum", maskSum},
-             {"dLoss", graph.gradient(loss)},
-             {pairs ? "dPredictedPairs" : "dPredicted", graph.gradientTarget(predicted)}},
-            params, pairs ? params.n / 2 : params.n);
+        graph.dispatch("loss/masked_l1_loss.backward",
+                       {{"predicted", predicted},
+                        {"target", target},
+                        {"mask", mask},
+                        {"maskSum", maskSum},
+                        {"dLoss", graph.gradient(loss)},
+                        {"dPredicted", graph.gradientTarget(predicted)}},
+                       params, params.n);
     });
     return loss;
 }

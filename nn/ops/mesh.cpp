@@ -36,33 +36,26 @@ Tensor graphPanels(Graph& graph, const Tensor& x, const AdjacencyTensors& adjace
     int64_t vertices = x.dim(0), H = w.halfColumns;
     int64_t rows = gemmPanelRows(graph.device(), vertices);
     Tensor panels = graph.temporary({(vertices + rows - 1) / rows, 2 * H, rows});
+    const bool quads = w.row % 4 == 0, onCpu = graph.device().kernelPath().texels;
+    // On CPUs many columns at a time: each piece of a vertex's reads the list of its neighbours for
+    // itself.
+    int64_t columns = onCpu && quads ? 44 : 4;
+    while (H % columns != 0) columns -= 4;
     GraphPanelsParams params{static_cast<uint32_t>(vertices), static_cast<uint32_t>(w.inputs),
                              static_cast<uint32_t>(w.row), static_cast<uint32_t>(H),
-                             divisorOf(uint64_t(H))};
-    Specialisation spec{{"kRows", static_cast<uint32_t>(rows)}};
-    if (loadsTexels(graph.device()) && w.row % 4 == 0) {
-        // Each piece of a vertex's columns reads the list of its neighbours for itself.
-        int64_t columns = 44;
-        while (H % columns != 0) columns -= 4;
-        params.byPieces = divisorOf(uint64_t(H / columns));
-        spec["kColumns"] = static_cast<uint32_t>(columns);
-        dispatchRows(graph, "mesh/graph_panels_pairs.gather", list,
-                     {{"x", x},
-                      {"neighbourBegin", adjacency.begin},
-                      {"neighbours", adjacency.neighbours},
-                      {"panels", panels},
-                      {"listed", list.list(graph)}},
-                     params, static_cast<uint64_t>((vertices + 1) / 2 * (H / columns)),
-                     static_cast<uint32_t>(kRowsListed / 2 * (H / columns)), spec);
-        return panels;
-    }
-    CHECK(!list, "panels of listed rows are packed in pairs");
-    graph.dispatch("mesh/graph_panels.gather",
-                   {{"x", x},
-                    {"neighbourBegin", adjacency.begin},
-                    {"neighbours", adjacency.neighbours},
-                    {"panels", panels}},
-                   params, static_cast<uint64_t>(vertices * H), spec);
+                             divisorOf(uint64_t(H / columns))};
+    dispatchRows(graph, "mesh/graph_panels.gather", list,
+                 {{"x", x},
+                  {"quads", x},
+                  {"neighbourBegin", adjacency.begin},
+                  {"neighbours", adjacency.neighbours},
+                  {"panels", panels},
+                  {"listed", list.list(graph)}},
+                 params, static_cast<uint64_t>((vertices + 1) / 2 * (H / columns)),
+                 static_cast<uint32_t>(kRowsListed / 2 * (H / columns)),
+                 {{"kRows", static_cast<uint32_t>(rows)},
+                  {"kColumns", static_cast<uint32_t>(columns)},
+                  {"kQuads", quads}});
     return panels;
 }
 
@@ -112,26 +105,15 @@ Tensor convolve(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency
                            {{"dy", dy}, {"dtail", graph.gradientTarget(tail)}}, params, vertices);
         // dz [V,2O]: what arrives at a vertex, and at its neighbours, for they are mutual.
         Tensor dz = graph.temporary({V, 2 * O});
-        bool pairs = loadsTexels(graph.device()) && O % kPairColumns == 0 && row % 4 == 0;
         AggregateParams perVertex = params;
-        perVertex.byRow = divisorOf(uint64_t(pairs ? O / kPairColumns : O));
-        uint64_t invocations = uint64_t{vertices} * perVertex.byRow.divisor;
-        graph.dispatch(pairs ? "mesh/aggregate_pairs.backward_own" : "mesh/aggregate.backward_own",
-                       {{pairs ? "yQuads" : "y", y}, {pairs ? "dyQuads" : "dy", dy}, {"dz", dz}},
-                       perVertex, invocations, {{"kRelu", relu}});
-        if (pairs)
-            graph.dispatch("mesh/aggregate_pairs.backward_neighbours",
-                           {{"neighbourBegin", adjacency.begin},
-                            {"neighbours", adjacency.neighbours},
-                            {"dz", dz},
-                            {"dzQuads", dz}},
-                           perVertex, invocations);
-        else
-            graph.dispatch("mesh/aggregate.backward_neighbours",
-                           {{"neighbourBegin", adjacency.begin},
-                            {"neighbours", adjacency.neighbours},
-                            {"dz", dz}},
-                           perVertex, invocations);
+        perVertex.byRow = divisorOf(uint64_t(O));
+        uint64_t invocations = uint64_t(V * O);
+        graph.dispatch("mesh/aggregate.backward_own", {{"y", y}, {"dy", dy}, {"dz", dz}}, perVertex,
+                       invocations, {{"kRelu", relu}});
+        graph.dispatch(
+            "mesh/aggregate.backward_neighbours",
+            {{"neighbourBegin", adjacency.begin}, {"neighbours", adjacency.neighbours}, {"dz", dz}},
+            perVertex, invocations);
         Tensor largest = largestMagnitude(graph, dz);
         if (graph.wantsGradient(x) && !*weights.stacked) {
             stackWeights(graph, weights);
@@ -334,7 +316,7 @@ Tensor graphConvLayer(Graph& graph, const Tensor& x, const AdjacencyTensors& adj
 }
 
 bool graphConvTakesRows(const Device& device, const GraphConvWeights& weights) {
-    return gemmTakesRows(device) && loadsTexels(device) && weights.row % 4 == 0;
+    return gemmTakesRows(device) && weights.row % 4 == 0;
 }
 
 Tensor withTail(Graph& graph, const Tensor& x, int64_t columns, const Tensor& tail,

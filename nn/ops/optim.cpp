@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "nn/core/op.h"
-#include "nn/ops/blocks.h"
+#include "nn/core/places.h"
 #include "nn/ops/linalg.h"
 #include "optim/params.h"
 

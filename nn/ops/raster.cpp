@@ -185,13 +185,13 @@ NearestFaces nearestFaces(Graph& graph, const RasterMesh& mesh, const Tensor& ve
     if (result.keys) {
         result.index = graph.temporary({height, width, 2}, ElementType::I32);
         graph.fill(result.index);
-        graph.dispatch("raster/visibility_keys.small",
+        graph.dispatch("raster/visibility.small@keys",
                        {{"faces", mesh.faceVertices},
                         {"screen", result.screen},
                         {"keys", result.index},
                         {"large", large}},
                        params, faces);
-        graph.dispatchGroups("raster/visibility_keys.large",
+        graph.dispatchGroups("raster/visibility.large@keys",
                              {{"faces", mesh.faceVertices},
                               {"screen", result.screen},
                               {"keys", result.index},
@@ -234,7 +234,7 @@ VisibilityBuffer visibilityBuffer(Graph& graph, const RasterMesh& mesh, const Te
     graph.beginOp("visibility_buffer");
     if (nearest.keys) {
         result.faceIndex = graph.temporary({height, width}, ElementType::I32);
-        graph.dispatch("raster/visibility_keys.resolve",
+        graph.dispatch("raster/visibility.resolve@keys",
                        {{"faces", mesh.faceVertices},
                         {"screen", nearest.screen},
                         {"keys", nearest.index},

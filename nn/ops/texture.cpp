@@ -9,24 +9,20 @@ std::vector<Tensor> interleave(Graph& graph, const Tensor& x) {
     CHECK(x.shape.size() == 4, "an image batch is [N,C,H,W], not {}", toString(x.shape));
     InterleaveParams params{static_cast<uint32_t>(x.dim(1)),
                             static_cast<uint32_t>(x.dim(2) * x.dim(3))};
-    bool pairs = params.channels == 3 && params.pixels % 2 == 0;
-    uint64_t invocations = pairs ? params.pixels / 2 : params.pixels;
-    const char *xName = pairs ? "xs" : "x", *yName = pairs ? "ys" : "y";
     std::vector<Tensor> textures;
     graph.beginOp("interleave");
     for (int64_t n = 0; n < x.dim(0); ++n) {
         textures.push_back(graph.temporary({x.dim(2), x.dim(3), x.dim(1)}));
-        graph.dispatch(pairs ? "texture/interleave.forward_pairs" : "texture/interleave.forward",
-                       {{xName, x.slice(n, 1)}, {yName, textures.back()}}, params, invocations);
+        graph.dispatch("texture/interleave.forward", {{"x", x.slice(n, 1)}, {"y", textures.back()}},
+                       params, params.pixels);
     }
     graph.differentiate({x}, textures, [=, &graph] {
         Tensor dx = graph.gradientTarget(x);
         for (size_t n = 0; n < textures.size(); ++n)
             graph.dispatch(
-                pairs ? "texture/interleave.backward_pairs" : "texture/interleave.backward",
-                {{xName, graph.gradient(textures[n])},
-                 {yName, dx.slice(static_cast<int64_t>(n), 1)}},
-                params, invocations);
+                "texture/interleave.backward",
+                {{"x", graph.gradient(textures[n])}, {"y", dx.slice(static_cast<int64_t>(n), 1)}},
+                params, params.pixels);
     });
     return textures;
 }

@@ -3,7 +3,6 @@
 // each.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// The device's ceilings, to which the ops' figures are compared.
 #include "common/op.glsl"
 #include "bench/params.h"
 PARAMS(CeilingParams, 2)

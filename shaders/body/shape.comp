@@ -4,14 +4,15 @@
 // dshaped, summed over chunks of vertices, which linalg/sum.comp adds up. Metres; beta in standard
 // deviations.
 #version 460
+// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
-#include "common/pairs.glsl"
+#include "common/loads.glsl"
 #include "body/params.h"
 PARAMS(BodyParams, 12)
 BUFFER(0, readonly, vec3, templateVerts);         // [V,3]
 BUFFER(1, readonly, float, shapeDirections);  // [V,3,10]
-BUFFER(2, readonly, uint64_t, betaPairs);     // [10], two at a time
+BUFFER(2, readonly, Pair, betaPairs);     // [10], two at a time
 BUFFER(3, writeonly, vec3, shaped);           // [V,3] forward's result
 BUFFER(4, readonly, vec3, dposed);            // [V,3] before pose blend shapes have been added
 BUFFER(5, readonly, float, regressor);        // [n] the numbers of the regressor that are there
@@ -20,7 +21,7 @@ BUFFER(7, readonly, ivec2, vertexEntries);    // [n,2] by vertex: joint, place i
 BUFFER(8, readonly, vec3, drest);             // [24,3] of the joints in rest pose
 BUFFER(9, readwrite, vec3, dshaped);          // [V,3] = dtemplate
 BUFFER(10, writeonly, float, partial);        // [chunks,10] of dbeta
-BUFFER(11, readonly, uint64_t, directionPairs); // shapeDirections, likewise
+BUFFER(11, readonly, Pair, directionPairs); // shapeDirections, likewise
 const int kShapes = 10;
 
 ENTRY(forward) {

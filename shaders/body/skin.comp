@@ -3,9 +3,10 @@
 // ToG 2015, equation 7). Backward: dposed = (sum of w_k R_j)^T dv, dT_j = sum of w_k dv [posed;
 // 1]^T, by chunks of a joint's entries and then over each joint's chunks. Metres.
 #version 460
+// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
-#include "common/pairs.glsl"
+#include "common/loads.glsl"
 #include "common/rows.glsl"
 #include "body/params.h"
 #include "body/rotation.glsl"
@@ -23,7 +24,7 @@ BUFFER(9, readonly, int, chunkBegin);     // [chunks+1] each chunk has one joint
 BUFFER(10, readwrite, vec4, partial);     // [chunks,3,4] of dtransforms
 BUFFER(11, readonly, int, jointChunks);   // [25] each joint's chunks
 BUFFER(12, writeonly, vec4, dtransforms); // [24,3,4]
-BUFFER(13, readonly, uint64_t, transformPairs);  // the transforms, half a row at a time
+BUFFER(13, readonly, Pair, transformPairs);  // the transforms, half a row at a time
 LISTED_ROWS(6)  // there is no place left but one that forward does not use
 
 ENTRY(forward) {

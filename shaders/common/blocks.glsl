@@ -1,4 +1,4 @@
-// Whole arrays, pair by pair (common/pairs.glsl), by one body for two kinds of device. Elsewhere an
+// Whole arrays, pair by pair (common/loads.glsl), by one body for two kinds of device. On a GPU an
 // invocation takes kPairsEach pairs. On a CPU with lavapipe (kLanes > 0) a subgroup takes
 // kBlocksEach blocks and loads them as whole vectors. Whatever each lane loads from an address of
 // its own is a gather there, some 38 cycles for 64 bytes; what all lanes load from one address is a
@@ -11,13 +11,17 @@
 #extension GL_KHR_shader_subgroup_ballot : require
 #extension GL_KHR_shader_subgroup_basic : require
 #include "common/blocks.h"
-#include "common/pairs.glsl"
+#include "common/loads.glsl"
 
+#if CPU
 layout(constant_id = 31) const uint kLanes = 0;   // of a subgroup, 8 or 16; 0: no blocks
 layout(constant_id = 32) const uint kDigits = 9;  // in base 4, of a subgroup's number
+#else
+const uint kLanes = 0, kDigits = 0;
+#endif
 
 struct Block {
-    uint64_t pairs[kBlockElements / 2];
+    Pair pairs[kBlockElements / 2];
 };
 
 // A block fills several vectors of fewer than sixteen lanes.
@@ -37,9 +41,9 @@ uint uniformOf(uint i, uint digits) {
 }
 
 // Part of a block, a pair for each lane.
-uint64_t lanePair(Block block, uint part) {
+Pair lanePair(Block block, uint part) {
     uint lane = gl_SubgroupInvocationID, first = part * kLanes;
-    uint64_t pair = block.pairs[first];
+    Pair pair = block.pairs[first];
     // "From lane k on", not "in lane k": of these LLVM makes one load.
     [[unroll]] for (uint k = 1; k < kLanes; ++k)
         pair = lane >= k ? block.pairs[first + k] : pair;
@@ -47,11 +51,16 @@ uint64_t lanePair(Block block, uint part) {
 }
 
 // As unpackPair, by shifts: LLVM would load the lower halves of a plain one singly.
-vec2 unpackLanePair(uint64_t pair) {
+#if CPU
+vec2 unpackLanePair(Pair pair) {
     return uintBitsToFloat(uvec2(unpackUint2x32(pair << 32).y, unpackUint2x32(pair).y));
 }
+#else
+vec2 unpackLanePair(Pair pair) { return pair; }
+#endif
 
-// The sum over the lanes, in all of them. lavapipe's subgroupAdd() goes lane by lane through memory.
+// The sum over the lanes, in all of them. lavapipe's subgroupAdd() goes lane by lane through
+// memory.
 float sumOfLanes(float own) {
     float lanes[16];
     [[unroll]] for (uint k = 0; k < 16; ++k) lanes[k] = k < kLanes ? subgroupBroadcast(own, k) : 0;

@@ -1,7 +1,7 @@
 #ifndef COMMON_BLOCKS_H
 #define COMMON_BLOCKS_H
 #include "common/pairs.h"
-#include "common/shared.h"
+#include "common/constants.h"
 SHARED_BEGIN
 // 0, 1, 2, 3: see uniformOf() in common/blocks.glsl.
 struct Digits {
@@ -11,11 +11,7 @@ struct Digits {
     uint digit[4];
 #endif
 };
-#ifdef __cplusplus
-constexpr uint kBlockElements = 32, kBlocksEach = 8;
-#else
-const uint kBlockElements = 32;
-const uint kBlocksEach = 8;  // of a subgroup
-#endif
+SHARED_CONSTANT uint kBlockElements = 32;
+SHARED_CONSTANT uint kBlocksEach = 8;  // of a subgroup
 SHARED_END
 #endif

@@ -7,16 +7,13 @@
 //     BUFFER(1, writeonly, float, y);            // [n]
 //     ENTRY(forward) { uint i = linearIndex(); if (i >= params.n) return; y.d[i] = ...; }
 //
-// A buffer's elements are name.d[i]. Buffers start and end (with padding) at
-// multiples of 16 bytes. An entry is given only
-// the buffers that it uses. In the flavour "addresses" they travel behind the parameters as push
-// constants: sizeof(parameters) + 8 bytes per buffer must stay within 128 bytes.
+// A buffer's elements are name.d[i]. Buffers start and end (with padding) at multiples of 16 bytes.
+// An entry is given only the buffers that it uses. In the flavour "addresses" they travel behind
+// the parameters as push constants: sizeof(parameters) + 8 bytes per buffer must stay within 128
+// bytes.
 //
-//     TEXELS(2, quads);     // slot 2's buffer read as vec4, through a descriptor in either flavour
-//     vec4 v = texelFetch(quads, int(i));  // elements 4 i to 4 i + 3; zeros behind the end
-//
-// TEXELS is for kernels that only CPUs run: of other loads in loops lavapipe makes gathers, of this
-// one a call that fetches sixteen bytes at a time, two to eight times as fast (docs/decisions.md).
+// shaders.cmake says what a line "// VARIANTS: plain, cpu" and CPU_ENTRY do, and common/loads.glsl
+// how the two variants differ.
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_samplerless_texture_functions : require
 #if !DESCRIPTORS
@@ -26,6 +23,10 @@
 
 #define readwrite
 #define ENTRY(name) void entry_##name()
+#define CPU_ENTRY(name) void entry_##name()
+#ifndef CPU
+#define CPU 0
+#endif
 
 #if DESCRIPTORS
 #define PARAMS(Type, bufferCount) \
@@ -44,8 +45,6 @@
     };                                                                                          \
     name##Block name = name##Block(bufferAddresses[slot])
 #endif
-
-#define TEXELS(slot, name) layout(set = 0, binding = slot) uniform textureBuffer name
 
 // The host chooses the workgroup's size (64 unless a dispatch says otherwise).
 layout(local_size_x_id = 0, local_size_x = 64) in;

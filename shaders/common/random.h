@@ -3,12 +3,7 @@
 // (JCGT 2020) recommend it.
 #ifndef COMMON_RANDOM_H
 #define COMMON_RANDOM_H
-#include "common/shared.h"
-#ifdef __cplusplus
-#define SHARED_FUNCTION inline
-#else
-#define SHARED_FUNCTION
-#endif
+#include "common/constants.h"
 SHARED_BEGIN
 SHARED_FUNCTION uint mixBits(uint v) {
     uint state = v * 747796405u + 2891336453u;

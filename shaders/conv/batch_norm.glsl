@@ -1,102 +1,22 @@
-// The passes of batch normalisation over images [images, channels, pixels].
-#extension GL_EXT_control_flow_attributes : require
-#include "conv/params.h"
-#include "conv/batch_norm_value.glsl"
-
-PARAMS(BatchNormParams, 10)
-BUFFER(0, readonly, Element, x);        // [images, channels, pixels]
-BUFFER(1, writeonly, float, partial);   // [channels, threads], twice in backward
-BUFFER(2, readonly, float, mean);       // [channels]
-BUFFER(3, readonly, float, deviation);  // [channels], 1 / sqrt(variance + epsilon)
-BUFFER(4, readonly, float, weight);     // [channels]
-BUFFER(5, readonly, float, bias);       // [channels]
-BUFFER(6, writeonly, Element, y);       // [images, channels, pixels]; backward: dx
-BUFFER(7, readonly, Element, dy);       // [images, channels, pixels]
-BUFFER(8, readonly, float, dweight);    // [channels]
-BUFFER(9, readonly, float, dbias);      // [channels]
-
-layout(constant_id = 1) const bool kCentred = false;  // sum squares around the mean, not values
-layout(constant_id = 2) const bool kTraining = true;  // mean and deviation are x's own
-
-const uint kEach = 4;  // elements of an invocation
-
-// Thread t of a channel sums its elements t, t + threads, … of every image. Workgroups: y channels.
-void sumValues() {
-    uint t = gl_WorkGroupID.x * gl_WorkGroupSize.x + localIndex();
-    uint channel = gl_WorkGroupID.y, count = params.pixels / WIDTH, threads = params.threads;
-    if (t >= threads) return;
-    uint channels = params.channels, images = params.images;
-    float middle = kCentred ? mean.d[channel] : 0;
-    Value total = Value(0);
-    for (uint n = 0; n < images; ++n) {
-        uint plane = (n * channels + channel) * count;
-        for (uint first = t; first < count; first += kEach * threads) {
-            [[unroll]] for (uint e = 0; e < kEach; ++e) {
-                uint p = first + e * threads;
-                Value v = value(x.d[plane + min(p, count - 1)]) - middle;
-                if (kCentred) v *= v;
-                total += p < count ? v : Value(0);
-            }
-        }
-    }
-    partial.d[channel * threads + t] = horizontal(total);
+// What the passes of batch normalisation work on: single pixels, or, on CPUs, pairs of them
+// (common/loads.glsl). Where images have an odd number of pixels, CPUs take the plain kernels too.
+#include "common/loads.glsl"
+#if CPU
+#define Element Pair
+#define Value vec2
+#define WIDTH 2
+Value value(Element e) { return unpackPair(e); }
+Element element(Value v) { return packPair(v); }
+float horizontal(Value v) { return v.x + v.y; }
+Value rectified(Value v, Value sign, float slope) {
+    return mix(slope * v, v, greaterThan(sign, Value(0)));
 }
-
-// Workgroups: x elements, y channels, z images.
-void normalise() {
-    uint count = params.pixels / WIDTH, c = gl_WorkGroupID.y;
-    uint plane = (gl_WorkGroupID.z * params.channels + c) * count;
-    float slope = params.slope, middle = mean.d[c], scale = deviation.d[c] * weight.d[c];
-    float shift = bias.d[c];
-    [[unroll]] for (uint e = 0; e < kEach; ++e) {
-        uint p = (gl_WorkGroupID.x * kEach + e) * gl_WorkGroupSize.x + localIndex();
-        if (p < count) {
-            Value v = (value(x.d[plane + p]) - middle) * scale + shift;
-            y.d[plane + p] = element(rectified(v, v, slope));
-        }
-    }
-}
-
-// As sumValues: of dy (before the leaky ReLU) and of it times the normalised x.
-void sumGradients() {
-    uint t = gl_WorkGroupID.x * gl_WorkGroupSize.x + localIndex();
-    uint channel = gl_WorkGroupID.y, count = params.pixels / WIDTH, threads = params.threads;
-    if (t >= threads) return;
-    uint channels = params.channels, images = params.images;
-    float middle = mean.d[channel], scale = deviation.d[channel], slope = params.slope;
-    float w = weight.d[channel], shift = bias.d[channel];
-    Value total = Value(0), product = Value(0);
-    for (uint n = 0; n < images; ++n) {
-        uint plane = (n * channels + channel) * count;
-        for (uint first = t; first < count; first += kEach * threads) {
-            [[unroll]] for (uint e = 0; e < kEach; ++e) {
-                uint p = first + e * threads, at = plane + min(p, count - 1);
-                Value normalised = (value(x.d[at]) - middle) * scale;
-                Value g = rectified(value(dy.d[at]), normalised * w + shift, slope);
-                g = p < count ? g : Value(0);
-                total += g;
-                product += g * normalised;
-            }
-        }
-    }
-    partial.d[channel * threads + t] = horizontal(total);
-    partial.d[(channels + channel) * threads + t] = horizontal(product);
-}
-
-void inputGradient() {
-    uint count = params.pixels / WIDTH, c = gl_WorkGroupID.y;
-    uint plane = (gl_WorkGroupID.z * params.channels + c) * count;
-    float middle = mean.d[c], scale = deviation.d[c], slope = params.slope;
-    float w = weight.d[c], shift = bias.d[c];
-    float all = 1.0 / (params.images * params.pixels);
-    float meanG = kTraining ? dbias.d[c] * all : 0, meanProduct = kTraining ? dweight.d[c] * all : 0;
-    [[unroll]] for (uint e = 0; e < kEach; ++e) {
-        uint p = (gl_WorkGroupID.x * kEach + e) * gl_WorkGroupSize.x + localIndex();
-        if (p < count) {
-            Value normalised = (value(x.d[plane + p]) - middle) * scale;
-            Value g = rectified(value(dy.d[plane + p]), normalised * w + shift, slope);
-            g -= meanG + normalised * meanProduct;
-            y.d[plane + p] = element(w * scale * g);
-        }
-    }
-}
+#else
+#define Element float
+#define Value float
+#define WIDTH 1
+Value value(Element e) { return e; }
+Element element(Value v) { return v; }
+float horizontal(Value v) { return v; }
+Value rectified(Value v, Value sign, float slope) { return sign > 0 ? v : slope * v; }
+#endif

@@ -1,6 +1,9 @@
+// The passes of batch_norm_passes.comp, where the formulas are, for a CPU's whole vectors
+// (common/blocks.glsl). A subgroup takes a chunk, kBlocksEach blocks of one channel of one image.
+// Workgroups: x chunks, y channels, z images.
+// y = f(weight (x - mean) / sqrt(variance + epsilon) + bias), [images, channels, pixels].
 #version 460
-// The passes of batch_norm.glsl for a CPU's whole vectors (common/blocks.glsl). A subgroup takes a
-// chunk, kBlocksEach blocks of one channel of one image. Workgroups: x chunks, y channels, z images.
+// VARIANTS: cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "conv/params.h"
@@ -8,8 +11,8 @@ PARAMS(BatchNormBlocksParams, 10)
 #include "common/blocks.glsl"
 BUFFER(0, readonly, Block, x);            // [images, channels, pixels]
 BUFFER(1, readonly, Block, dy);           // [images, channels, pixels]
-BUFFER(2, writeonly, uint64_t, y);        // [images, channels, pixels]; backward: dx
-BUFFER(3, writeonly, uint64_t, partial);  // [channels, images * chunks], see each entry
+BUFFER(2, writeonly, Pair, y);        // [images, channels, pixels]; backward: dx
+BUFFER(3, writeonly, Pair, partial);  // [channels, images * chunks], see each entry
 BUFFER(4, readonly, float, mean);         // [channels]
 BUFFER(5, readonly, float, deviation);    // [channels], 1 / sqrt(variance + epsilon)
 BUFFER(6, readonly, float, weight);       // [channels]
@@ -46,7 +49,7 @@ vec2 rectified(vec2 v, vec2 sign, float slope) {
     return mix(slope * v, v, greaterThan(sign, vec2(0)));
 }
 
-// Of each chunk the sum, and the squares around its own mean (batch_norm_chunks.comp joins them).
+// Of each chunk the sum, and the squares around its own mean (batch_norm.comp joins them).
 ENTRY(sum_values) {
     Chunk chunk = thisChunk();
     vec2 v[kBlocksEach * 2], total = vec2(0), squares = vec2(0);

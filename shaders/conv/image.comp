@@ -4,16 +4,16 @@
 // of those windows that there are; so that image = columns(weight^T maps) is a transposed
 // convolution, or the gradient of a convolution's image. Columns lie row by row.
 #version 460
+// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_control_flow_attributes : require
 #include "common/op.glsl"
-#include "common/pairs.glsl"
+#include "common/loads.glsl"
 #include "conv/params.h"
 PARAMS(ImageParams, 4)
 BUFFER(0, readonly, float, columns);  // [channels * kKernelH * kKernelW, images * windows]
 BUFFER(1, writeonly, float, image);   // [images, all channels, height, width]
 BUFFER(2, readonly, float, bias);     // [all channels]
-BUFFER(3, writeonly, uint64_t, pairs);  // the image, in pairs
+BUFFER(3, writeonly, Pair, pairs);  // the image, in pairs
 
 layout(constant_id = 1) const uint kKernelH = 4;
 layout(constant_id = 2) const uint kKernelW = 4;
@@ -21,7 +21,6 @@ layout(constant_id = 3) const uint kStride = 2;
 layout(constant_id = 4) const bool kBias = false;
 layout(constant_id = 5) const bool kTurned = false;  // columns count the kernel from its last place
 
-// The transpose of columns.gather: each pixel sums what the windows over it hold for it.
 // Workgroups: x pixels, y channels, z images.
 ENTRY(sum) {
     uint pixel = gl_WorkGroupID.x * gl_WorkGroupSize.x + localIndex();

@@ -8,16 +8,16 @@ SHARED_BEGIN
 // outHeight x outWidth of them fit. Kernel and stride are specialisation constants.
 struct ColumnsParams {
     uint channels, height, width;
-    uint outWidth;
     uint windows;      // of this part, of one image
     uint firstWindow;  // the part's first, counted row by row
     uint images;       // their windows follow each other
     uint startImage;   // elements to the first image
     uint padding;
-    Divisor byOutWidth;
+    uint rows;         // channels times places of the kernel
+    Divisor byOutWidth;  // windows of a row
 };
 struct ImageParams {
-    uint channels, height, width;  // channels: of columns
+    uint height, width;
     uint outHeight, outWidth;      // windows
     uint images;
     uint startImage, strideImage;

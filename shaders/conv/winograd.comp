@@ -4,17 +4,143 @@
 // phase, 4 channel + 2 py + px. An invocation makes two tiles side by side.
 // maps = A^T [(G weight) (B image)], summed over channels: matrices [kPoints^2, rows, tiles].
 #version 460
+// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_control_flow_attributes : require
 #include "common/op.glsl"
-#include "common/pairs.glsl"
+#include "common/loads.glsl"
+#include "common/panels.h"
 #include "conv/params.h"
 #include "conv/winograd.glsl"
-#define TEXEL_LOADS 0
-#include "conv/winograd_tiles.glsl"
+PARAMS(WinogradParams, 5)
+QUADS(0, image);                        // [images, channels, height, width]
+BUFFER(1, readwrite, Pair, matrices);   // [kPoints^2, rows, tiles] as kLayout says, in pairs
+BUFFER(2, writeonly, Pair, result);     // as image
+BUFFER(3, readonly, float, bias);       // [channels]
+BUFFER(4, writeonly, float, single);    // the matrices, one by one
 
-ENTRY(fine_to_tiles) { fineToTiles(); }
-ENTRY(coarse_to_tiles) { coarseToTiles(); }
+// How the matrices lie: row by row, or in panels (common/panels.h) of kWidth rows or tiles.
+layout(constant_id = 2) const uint kLayout = 0;
+layout(constant_id = 3) const uint kWidth = 32;  // a power of two
+layout(constant_id = 4) const bool kBias = false;
+
+// Channels count from this dispatch's first. Workgroups: x pairs of tiles side by side, y channels;
+// or, in panels of rows, the other way round, so that neighbours write side by side. Of the finer
+// image y is there twice, for py = 0 and 1. z images.
+struct Work {
+    uint pair, channel, py;
+    bool any;
+};
+Work workOf(bool fine) {
+    uint x = gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationID.x;
+    uint y = fine ? gl_WorkGroupID.y / 2 : gl_WorkGroupID.y, py = gl_WorkGroupID.y % 2;
+    if (kLayout == kLayoutRowPanels) return Work(y, x, py, x < params.partChannels);
+    return Work(x, y, py, x < params.tiles / 2);
+}
+// Tile row and pair within it.
+uvec2 tilePair(uint pair) {
+    uint at = params.firstTile / 2 + pair, row = quotient(at, params.byRow);
+    return uvec2(remainder(at, row, params.byRow), row);
+}
+uint plane(uint channel) {
+    return params.startImage +
+           (gl_WorkGroupID.z * params.channels + params.firstChannel + channel) * params.height *
+               params.width;
+}
+
+// Of a matrix: the element of a row and a tile of the piece.
+uint place(uint matrix, uint row, uint tile, uint rows) {
+    uint tiles = kLayout == kLayoutRowPanels ? params.panelSteps : params.images * params.tiles;
+    return matrix * params.strideMatrix + elementIndex(kLayout, kWidth, row, tile, rows, tiles);
+}
+
+// Four pixels from x on, a multiple of four; zeros outside, where positions wrap to large ones.
+vec4 fourPixels(uint start, uint y, uint x) {
+    bool inside = y < params.height && x < params.width;
+    uint at = start + (inside ? y * params.width + x : 0);
+    vec4 v = quadAt(image, at / 4);
+    return inside ? v : vec4(0);
+}
+
+// B f: per tile of (2 kResults + 2)^2 pixels and phase.
+ENTRY(fine_to_tiles) {
+    Work work = workOf(true);
+    if (!work.any) return;
+    uint pair = work.pair, channel = work.channel, py = work.py;
+    uvec2 at = tilePair(pair);
+    uint start = plane(channel), tile = gl_WorkGroupID.z * params.tiles + 2 * pair;
+    float across[2][2][5][kMostSeen];  // tile, px, point, row of the phase
+    [[unroll]] for (uint r = 0; r < kSeen; ++r) {
+        // The pair's pixels, and four more at both ends, of which one is wanted.
+        uint y = 2 * (kResults * at.y + r) + py - 1, x = 4 * kResults * at.x - 4;
+        float v[24];
+        [[unroll]] for (uint i = 0; i < kResults + 2; ++i) {
+            vec4 four = fourPixels(start, y, x + 4 * i);
+            [[unroll]] for (uint k = 0; k < 4; ++k) v[4 * i + k] = four[k];
+        }
+        [[unroll]] for (uint t = 0; t < 2; ++t)
+            [[unroll]] for (uint px = 0; px < 2; ++px) {
+                float f[kMostSeen], m[kMostPoints];
+                [[unroll]] for (uint i = 0; i < kSeen; ++i)
+                    f[i] = v[3 + 2 * (kResults * t + i) + px];
+                toPoints(f, m);
+                [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) across[t][px][mx][r] = m[mx];
+            }
+    }
+    uint row = 4 * channel + 2 * py, rows = 4 * params.partChannels;
+    [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) {
+        float m[2][2][kMostPoints];  // tile, px, point
+        [[unroll]] for (uint t = 0; t < 2; ++t)
+            [[unroll]] for (uint px = 0; px < 2; ++px) toPoints(across[t][px][mx], m[t][px]);
+        [[unroll]] for (uint my = 0; my < kPoints; ++my)
+            [[unroll]] for (uint i = 0; i < 2; ++i) {
+                uint matrix = kPoints * my + mx;
+                if (kLayout == kLayoutRowPanels)
+                    matrices.d[place(matrix, row, tile + i, rows) / 2] =
+                        packPair(vec2(m[i][0][my], m[i][1][my]));
+                else
+                    matrices.d[place(matrix, row + i, tile, rows) / 2] =
+                        packPair(vec2(m[0][i][my], m[1][i][my]));
+            }
+    }
+}
+
+// A c: per tile of kResults^2 pixels.
+ENTRY(coarse_to_tiles) {
+    Work work = workOf(false);
+    if (!work.any) return;
+    uint pair = work.pair, channel = work.channel;
+    uvec2 at = tilePair(pair);
+    uint tile = gl_WorkGroupID.z * params.tiles + 2 * pair;
+    float across[2][5][4];  // tile, point, row
+    [[unroll]] for (uint r = 0; r < kResults; ++r) {
+        float v[8];
+        [[unroll]] for (uint i = 0; i < kResults / 2; ++i) {
+            vec4 four =
+                fourPixels(plane(channel), kResults * at.y + r, 2 * kResults * at.x + 4 * i);
+            [[unroll]] for (uint k = 0; k < 4; ++k) v[4 * i + k] = four[k];
+        }
+        [[unroll]] for (uint t = 0; t < 2; ++t) {
+            float c[4], m[kMostPoints];
+            [[unroll]] for (uint i = 0; i < kResults; ++i) c[i] = v[kResults * t + i];
+            toProducts(c, m);
+            [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) across[t][mx][r] = m[mx];
+        }
+    }
+    [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) {
+        float m[2][kMostPoints];
+        [[unroll]] for (uint t = 0; t < 2; ++t) toProducts(across[t][mx], m[t]);
+        [[unroll]] for (uint my = 0; my < kPoints; ++my) {
+            uint matrix = kPoints * my + mx;
+            if (kLayout == kLayoutRowPanels) {
+                [[unroll]] for (uint t = 0; t < 2; ++t)
+                    single.d[place(matrix, channel, tile + t, params.partChannels)] = m[t][my];
+            } else {
+                matrices.d[place(matrix, channel, tile, params.partChannels) / 2] =
+                    packPair(vec2(m[0][my], m[1][my]));
+            }
+        }
+    }
+}
 
 // A^T of the products (+ bias).
 ENTRY(coarse_from_tiles) {
@@ -23,9 +149,9 @@ ENTRY(coarse_from_tiles) {
     uint pair = work.pair, channel = work.channel;
     uvec2 at = tilePair(pair);
     uint tile = gl_WorkGroupID.z * params.tiles + 2 * pair;
-    float down[2][4][9];  // tile, row, point
+    float down[2][4][kMostPoints];  // tile, row, point
     [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) {
-        float m[2][9];
+        float m[2][kMostPoints];
         [[unroll]] for (uint my = 0; my < kPoints; ++my) {
             uint from = place(kPoints * my + mx, channel, tile, params.partChannels);
             vec2 both = unpackPair(matrices.d[from / 2]);
@@ -54,15 +180,15 @@ ENTRY(coarse_from_tiles) {
 float reachBefore(float firstProduct) { return kB[kSet][0][0] * firstProduct; }
 float reachBehind(float lastProduct) { return kB[kSet][kPoints - 1][kSeen - 1] * lastProduct; }
 
-// Row my of a pair of tiles in tile row y, one phase: what pixels get that are two apart. For px = 1
-// they are the pair's first, third, …, and the tile to the left reaches into the first; for px = 0
-// the second, fourth, …, and the tile to the right into the last.
+// Row my of a pair of tiles in tile row y, one phase: what pixels get that are two apart. For px =
+// 1 they are the pair's first, third, …, and the tile to the left reaches into the first; for px =
+// 0 the second, fourth, …, and the tile to the right into the last.
 void along(uint row, uint my, uint px, uint x, uint y, out float u[8]) {
     uint pairs = params.byRow.divisor, tilesDown = params.height / (2 * kResults);
     bool inside = y < tilesDown;  // above the first row, positions wrap to large ones
     uint first = gl_WorkGroupID.z * params.tiles + 2 * ((inside ? y : 0) * pairs + x);
     uint rows = 4 * params.partChannels;
-    float m[2][9], own[2][7];
+    float m[2][kMostPoints], own[2][kMostSeen];
     [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) {
         vec2 both = unpackPair(matrices.d[place(kPoints * my + mx, row, first, rows) / 2]);
         [[unroll]] for (uint t = 0; t < 2; ++t) m[t][mx] = both[t];
@@ -98,7 +224,7 @@ ENTRY(fine_from_tiles) {
     float pixels[2][4][8];  // px, row, two apart
     [[unroll]] for (uint px = 0; px < 2; ++px) {
         uint row = 4 * channel + 2 * py + px;
-        float down[8][9];
+        float down[8][kMostPoints];
         [[unroll]] for (uint my = 0; my < kPoints; ++my) {
             float u[8];
             along(row, my, px, at.x, at.y, u);
@@ -107,7 +233,7 @@ ENTRY(fine_from_tiles) {
         float beside[8];  // of the tiles above, or below
         along(row, py == 1 ? kPoints - 1 : 0, px, at.x, py == 1 ? at.y - 1 : at.y + 1, beside);
         [[unroll]] for (uint i = 0; i < 2 * kResults; ++i) {
-            float u[7];
+            float u[kMostSeen];
             fromPoints(down[i], u);
             [[unroll]] for (uint r = 0; r < kResults; ++r)
                 pixels[px][r][i] = (py == 1 ? u[r] : u[r + 1]) + b;

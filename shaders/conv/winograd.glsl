@@ -10,9 +10,9 @@
 // The gradients are the transposes: f = B^T [U^T (A c)], U = G g, and g = G^T [(A c) (B f)^T].
 //
 // A convolution 4x4 of stride 2 and padding 1 lies between a finer image and a coarser one of half
-// its size: c[o] = sum over t < 4 of w[t] f[2o - 1 + t]. Split by the parity p of t, that is the sum
-// of two convolutions with two taps, g_p = (w[p], w[2 + p]) over f_p[i] = f[2i + p - 1]: the phases,
-// px and py in two dimensions, are channels of their own.
+// its size: c[o] = sum over t < 4 of w[t] f[2o - 1 + t]. Split by the parity p of t, that is the
+// sum of two convolutions with two taps, g_p = (w[p], w[2 + p]) over f_p[i] = f[2i + p - 1]: the
+// phases, px and py in two dimensions, are channels of their own.
 //
 // The sets of points, and products of a tile in two dimensions for those of its definition:
 //     kPoints  taps  results  points                                   products
@@ -22,102 +22,110 @@
 //     7        4     4        0, 1, -1, 2, -2, -1/2, infinity          49 for 256
 //     9        4     4        the first, of results and taps by two,   81 for 256
 //                             in which the products are the first again
-// With the first and the last all factors are 0, 1 and -1: what is lost in precision is a bit or so,
-// and halves will do. The others are those of the least error (Barabasz and others, Error Analysis
-// and Improving the Accuracy of Winograd Convolution for Deep Neural Networks, 2020): of random
-// images and kernels 2.2, 2.2 and 5 times that of adding up one by one.
+// With the first and the last all factors are 0, 1 and -1: what is lost in precision is a bit or
+// so, and halves will do. The others are those of the least error (Barabasz and others, Error
+// Analysis and Improving the Accuracy of Winograd Convolution for Deep Neural Networks, 2020): of
+// random images and kernels 2.2, 2.2 and 5 times that of adding up one by one.
 //
 // Matrices, kPoints^2 of them: [channels, tiles] of the image, of stride 2 [4 fine channels, tiles]
 // with row 4 channel + 2 py + px; [features, tiles]; weights [features, channels or rows].
-layout(constant_id = 1) const uint kPoints = 3;
-const uint kResults = kPoints == 3 ? 2 : 4;
-const uint kTaps = kPoints <= 5 ? 2 : kPoints == 6 ? 3 : 4;
+//
+// A set's numbers come from the table of shapes in nn/ops/conv/winograd.cpp.
+layout(constant_id = 10) const uint kSet = 0;  // row of the tables below
+layout(constant_id = 11) const uint kPoints = 3;
+layout(constant_id = 12) const uint kResults = 2;
+layout(constant_id = 13) const uint kTaps = 2;
+const uint kMostPoints = 9, kMostSeen = 7;  // of all sets
 const uint kSeen = kResults + kTaps - 1;  // numbers that a tile sees
-const uint kSet = kPoints == 3 ? 0 : kPoints == 5 ? 1 : kPoints == 6 ? 2 : kPoints == 7 ? 3 : 4;
 
-#define ROW float[7]
-const float kNone[7] = ROW(0, 0, 0, 0, 0, 0, 0);
-const float kB[5][9][7] = float[5][9][7](
-    float[9][7](ROW(1, -1, 0, 0, 0, 0, 0), ROW(0, 1, 0, 0, 0, 0, 0), ROW(0, 1, -1, 0, 0, 0, 0),
+#define ROW float[kMostSeen]
+const float kNone[kMostSeen] = ROW(0, 0, 0, 0, 0, 0, 0);
+const float kB[5][kMostPoints][kMostSeen] = float[5][kMostPoints][kMostSeen](
+    float[kMostPoints][kMostSeen](ROW(1, -1, 0, 0, 0, 0, 0), ROW(0, 1, 0, 0, 0, 0, 0),
+                                  ROW(0, 1, -1, 0, 0, 0, 0),
                 kNone, kNone, kNone, kNone, kNone, kNone),
-    float[9][7](ROW(1, 1.5, -1.5, -1, 0, 0, 0), ROW(0, 1, 2.5, 1, 0, 0, 0),
+    float[kMostPoints][kMostSeen](ROW(1, 1.5, -1.5, -1, 0, 0, 0), ROW(0, 1, 2.5, 1, 0, 0, 0),
                 ROW(0, 0.5, 0.5, -1, 0, 0, 0), ROW(0, -2, 1, 1, 0, 0, 0),
                 ROW(0, -1, -1.5, 1.5, 1, 0, 0), kNone, kNone, kNone, kNone),
-    float[9][7](ROW(1, 1.5, -2, -1.5, 1, 0, 0), ROW(0, 1, 2.5, 0.5, -1, 0, 0),
+    float[kMostPoints][kMostSeen](ROW(1, 1.5, -2, -1.5, 1, 0, 0), ROW(0, 1, 2.5, 0.5, -1, 0, 0),
                 ROW(0, 1, 0.5, -2.5, 1, 0, 0), ROW(0, -0.5, -1, 0.5, 1, 0, 0),
                 ROW(0, -2, 1, 2, -1, 0, 0), ROW(0, 1, 1.5, -2, -1.5, 1, 0), kNone, kNone, kNone),
-    float[9][7](ROW(2, 4, -2.5, -5, 0.5, 1, 0), ROW(0, 2, 6, 3.5, -1.5, -1, 0),
+    float[kMostPoints][kMostSeen](ROW(2, 4, -2.5, -5, 0.5, 1, 0), ROW(0, 2, 6, 3.5, -1.5, -1, 0),
                 ROW(0, 2, 2, -4.5, -0.5, 1, 0), ROW(0, -1, -2.5, 0, 2.5, 1, 0),
                 ROW(0, -1, -1.5, 2, 1.5, -1, 0), ROW(0, -4, 0, 5, 0, -1, 0),
                 ROW(0, 2, 4, -2.5, -5, 0.5, 1), kNone, kNone),
-    float[9][7](ROW(1, -1, -1, 1, 0, 0, 0), ROW(0, 0, 1, -1, 0, 0, 0), ROW(0, 0, 1, -1, -1, 1, 0),
+    float[kMostPoints][kMostSeen](ROW(1, -1, -1, 1, 0, 0, 0), ROW(0, 0, 1, -1, 0, 0, 0),
+                                  ROW(0, 0, 1, -1, -1, 1, 0),
                 ROW(0, 1, 0, -1, 0, 0, 0), ROW(0, 0, 0, 1, 0, 0, 0), ROW(0, 0, 0, 1, 0, -1, 0),
                 ROW(0, 1, -1, -1, 1, 0, 0), ROW(0, 0, 0, 1, -1, 0, 0),
                 ROW(0, 0, 0, 1, -1, -1, 1)));
 #undef ROW
-const vec4 kG[5][9] = vec4[5][9](
-    vec4[9](vec4(1, 0, 0, 0), vec4(1, 1, 0, 0), vec4(0, 1, 0, 0), vec4(0), vec4(0), vec4(0),
-            vec4(0), vec4(0), vec4(0)),
-    vec4[9](vec4(1, 0, 0, 0), vec4(2, 2, 0, 0) / 9, vec4(1, -2, 0, 0) / 9, vec4(8, -4, 0, 0) / 9,
-            vec4(0, 1, 0, 0), vec4(0), vec4(0), vec4(0), vec4(0)),
-    vec4[9](vec4(1, 0, 0, 0), vec4(1, 1, 1, 0) / 3, vec4(1, -1, 1, 0) / 3, vec4(1, 2, 4, 0) / 15,
-            vec4(16, -8, 4, 0) / 15, vec4(0, 0, 1, 0), vec4(0), vec4(0), vec4(0)),
-    vec4[9](vec4(0.5, 0, 0, 0), vec4(1, 1, 1, 1) / 9, vec4(1, -1, 1, -1) / 3,
-            vec4(1, 2, 4, 8) / 60, vec4(1, -2, 4, -8) / 36, vec4(32, -16, 8, -4) / 45,
-            vec4(0, 0, 0, 1), vec4(0), vec4(0)),
-    vec4[9](vec4(1, 0, 0, 0), vec4(1, 0, 1, 0), vec4(0, 0, 1, 0), vec4(1, 1, 0, 0),
-            vec4(1, 1, 1, 1), vec4(0, 0, 1, 1), vec4(0, 1, 0, 0), vec4(0, 1, 0, 1),
-            vec4(0, 0, 0, 1)));
-const vec4 kA[5][9] = vec4[5][9](
-    vec4[9](vec4(1, 0, 0, 0), vec4(1, 1, 0, 0), vec4(0, -1, 0, 0), vec4(0), vec4(0), vec4(0),
-            vec4(0), vec4(0), vec4(0)),
-    vec4[9](vec4(1, 0, 0, 0), vec4(1, 1, 1, 1), vec4(1, -2, 4, -8), vec4(1, -0.5, 0.25, -0.125),
-            vec4(0, 0, 0, 1), vec4(0), vec4(0), vec4(0), vec4(0)),
-    vec4[9](vec4(1, 0, 0, 0), vec4(1, 1, 1, 1), vec4(1, -1, 1, -1), vec4(1, 2, 4, 8),
-            vec4(1, -0.5, 0.25, -0.125), vec4(0, 0, 0, 1), vec4(0), vec4(0), vec4(0)),
-    vec4[9](vec4(1, 0, 0, 0), vec4(1, 1, 1, 1), vec4(1, -1, 1, -1), vec4(1, 2, 4, 8),
-            vec4(1, -2, 4, -8), vec4(1, -0.5, 0.25, -0.125), vec4(0, 0, 0, 1), vec4(0), vec4(0)),
-    vec4[9](vec4(1, 0, 0, 0), vec4(1, 0, 1, 0), vec4(0, 0, -1, 0), vec4(1, 1, 0, 0),
-            vec4(1, 1, 1, 1), vec4(0, 0, -1, -1), vec4(0, -1, 0, 0), vec4(0, -1, 0, -1),
-            vec4(0, 0, 0, 1)));
+const vec4 kG[5][kMostPoints] = vec4[5][kMostPoints](
+    vec4[kMostPoints](vec4(1, 0, 0, 0), vec4(1, 1, 0, 0), vec4(0, 1, 0, 0), vec4(0), vec4(0),
+                      vec4(0), vec4(0), vec4(0), vec4(0)),
+    vec4[kMostPoints](vec4(1, 0, 0, 0), vec4(2, 2, 0, 0) / 9, vec4(1, -2, 0, 0) / 9,
+                      vec4(8, -4, 0, 0) / 9, vec4(0, 1, 0, 0), vec4(0), vec4(0), vec4(0), vec4(0)),
+    vec4[kMostPoints](vec4(1, 0, 0, 0), vec4(1, 1, 1, 0) / 3, vec4(1, -1, 1, 0) / 3,
+                      vec4(1, 2, 4, 0) / 15, vec4(16, -8, 4, 0) / 15, vec4(0, 0, 1, 0), vec4(0),
+                      vec4(0), vec4(0)),
+    vec4[kMostPoints](vec4(0.5, 0, 0, 0), vec4(1, 1, 1, 1) / 9, vec4(1, -1, 1, -1) / 3,
+                      vec4(1, 2, 4, 8) / 60, vec4(1, -2, 4, -8) / 36, vec4(32, -16, 8, -4) / 45,
+                      vec4(0, 0, 0, 1), vec4(0), vec4(0)),
+    vec4[kMostPoints](vec4(1, 0, 0, 0), vec4(1, 0, 1, 0), vec4(0, 0, 1, 0), vec4(1, 1, 0, 0),
+                      vec4(1, 1, 1, 1), vec4(0, 0, 1, 1), vec4(0, 1, 0, 0), vec4(0, 1, 0, 1),
+                      vec4(0, 0, 0, 1)));
+const vec4 kA[5][kMostPoints] = vec4[5][kMostPoints](
+    vec4[kMostPoints](vec4(1, 0, 0, 0), vec4(1, 1, 0, 0), vec4(0, -1, 0, 0), vec4(0), vec4(0),
+                      vec4(0), vec4(0), vec4(0), vec4(0)),
+    vec4[kMostPoints](vec4(1, 0, 0, 0), vec4(1, 1, 1, 1), vec4(1, -2, 4, -8),
+                      vec4(1, -0.5, 0.25, -0.125), vec4(0, 0, 0, 1), vec4(0), vec4(0), vec4(0),
+                      vec4(0)),
+    vec4[kMostPoints](vec4(1, 0, 0, 0), vec4(1, 1, 1, 1), vec4(1, -1, 1, -1), vec4(1, 2, 4, 8),
+                      vec4(1, -0.5, 0.25, -0.125), vec4(0, 0, 0, 1), vec4(0), vec4(0), vec4(0)),
+    vec4[kMostPoints](vec4(1, 0, 0, 0), vec4(1, 1, 1, 1), vec4(1, -1, 1, -1), vec4(1, 2, 4, 8),
+                      vec4(1, -2, 4, -8), vec4(1, -0.5, 0.25, -0.125), vec4(0, 0, 0, 1), vec4(0),
+                      vec4(0)),
+    vec4[kMostPoints](vec4(1, 0, 0, 0), vec4(1, 0, 1, 0), vec4(0, 0, -1, 0), vec4(1, 1, 0, 0),
+                      vec4(1, 1, 1, 1), vec4(0, 0, -1, -1), vec4(0, -1, 0, 0), vec4(0, -1, 0, -1),
+                      vec4(0, 0, 0, 1)));
 
 // What follows is unrolled, and products with 0 and 1 fall away.
-void toPoints(float f[7], out float m[9]) {  // B f
+void toPoints(float f[kMostSeen], out float m[kMostPoints]) {  // B f
     [[unroll]] for (uint i = 0; i < kPoints; ++i) {
         m[i] = 0;
         [[unroll]] for (uint k = 0; k < kSeen; ++k) m[i] += kB[kSet][i][k] * f[k];
     }
 }
 
-void fromPoints(float m[9], out float f[7]) {  // B^T m
+void fromPoints(float m[kMostPoints], out float f[kMostSeen]) {  // B^T m
     [[unroll]] for (uint k = 0; k < kSeen; ++k) {
         f[k] = 0;
         [[unroll]] for (uint i = 0; i < kPoints; ++i) f[k] += kB[kSet][i][k] * m[i];
     }
 }
 
-void toProducts(float c[4], out float m[9]) {  // A c
+void toProducts(float c[4], out float m[kMostPoints]) {  // A c
     [[unroll]] for (uint i = 0; i < kPoints; ++i) {
         m[i] = 0;
         [[unroll]] for (uint k = 0; k < kResults; ++k) m[i] += kA[kSet][i][k] * c[k];
     }
 }
 
-void fromProducts(float m[9], out float c[4]) {  // A^T m
+void fromProducts(float m[kMostPoints], out float c[4]) {  // A^T m
     [[unroll]] for (uint k = 0; k < kResults; ++k) {
         c[k] = 0;
         [[unroll]] for (uint i = 0; i < kPoints; ++i) c[k] += kA[kSet][i][k] * m[i];
     }
 }
 
-void tapsToPoints(float w[4], out float m[9]) {  // G w
+void tapsToPoints(float w[4], out float m[kMostPoints]) {  // G w
     [[unroll]] for (uint i = 0; i < kPoints; ++i) {
         m[i] = 0;
         [[unroll]] for (uint k = 0; k < kTaps; ++k) m[i] += kG[kSet][i][k] * w[k];
     }
 }
 
-void tapsFromPoints(float m[9], out float w[4]) {  // G^T m
+void tapsFromPoints(float m[kMostPoints], out float w[4]) {  // G^T m
     [[unroll]] for (uint k = 0; k < kTaps; ++k) {
         w[k] = 0;
         [[unroll]] for (uint i = 0; i < kPoints; ++i) w[k] += kG[kSet][i][k] * m[i];

@@ -5,19 +5,20 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #include "common/op.glsl"
+#include "common/panels.h"
 #include "conv/params.h"
 #include "conv/winograd.glsl"
-// The weights of conv/winograd_dense.comp.
 PARAMS(WinogradWeightsParams, 2)
 BUFFER(0, readwrite, float, weight);    // [features, channels, kTaps, kTaps]
-BUFFER(1, readwrite, float, matrices);  // [features, channels] each; kTurned: [channels, features]
+BUFFER(1, readwrite, float, matrices);  // [kPoints^2] of them; kTurned: of [channels, features]
 
 // For the gradient of the image: the kernels turned by half a turn, features and channels swapped.
 layout(constant_id = 2) const bool kTurned = false;
-layout(constant_id = 3) const uint kWidth = 32;  // of a panel of to_tiles, see conv/winograd_weights
+layout(constant_id = 3) const uint kWidth =
+    32;  // of a panel of to_tiles, see conv/winograd_weights
 const uint kKernel = kTaps * kTaps;
 
-// One invocation per feature and channel, in the order of the panels (linalg/gemm.glsl).
+// One invocation per feature and channel, in the order of the panels (common/panels.h).
 ENTRY(to_tiles) {
     uint i = linearIndex();
     if (i >= params.invocations) return;
@@ -26,8 +27,8 @@ ENTRY(to_tiles) {
     uint of = params.first + row;
     if (of >= (kTurned ? params.channels : params.features)) return;
     uint from = kTurned ? step * params.channels + of : of * params.channels + step;
-    uint to = (row / kWidth * params.panelSteps + step) * kWidth + row % kWidth;
-    float across[4][9];
+    uint to = panelIndex(row, step, params.panelSteps, kWidth);
+    float across[4][kMostPoints];
     [[unroll]] for (uint r = 0; r < kTaps; ++r) {
         float w[4];
         [[unroll]] for (uint k = 0; k < kTaps; ++k) {
@@ -37,7 +38,7 @@ ENTRY(to_tiles) {
         tapsToPoints(w, across[r]);
     }
     [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) {
-        float u[9];
+        float u[kMostPoints];
         tapsToPoints(float[4](across[0][mx], across[1][mx], across[2][mx], across[3][mx]), u);
         [[unroll]] for (uint my = 0; my < kPoints; ++my)
             matrices.d[(kPoints * my + mx) * params.strideMatrix + to] = u[my];
@@ -47,15 +48,15 @@ ENTRY(to_tiles) {
 ENTRY(from_tiles) {
     uint i = linearIndex();
     if (i >= params.invocations) return;
-    float down[9][4];
+    float down[kMostPoints][4];
     [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) {
-        float s[9];
+        float s[kMostPoints];
         [[unroll]] for (uint my = 0; my < kPoints; ++my)
             s[my] = matrices.d[(kPoints * my + mx) * params.strideMatrix + i];
         tapsFromPoints(s, down[mx]);
     }
     [[unroll]] for (uint r = 0; r < kTaps; ++r) {
-        float s[9], w[4];
+        float s[kMostPoints], w[4];
         [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) s[mx] = down[mx][r];
         tapsFromPoints(s, w);
         uint tap = kKernel * (params.first * params.channels + i) + kTaps * r;

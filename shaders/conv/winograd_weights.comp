@@ -3,17 +3,18 @@
 // are neighbours.
 // Matrices u = G w [kPoints^2, rows, steps] of weights w [features, channels, taps, taps].
 #version 460
+// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_control_flow_attributes : require
 #include "common/op.glsl"
-#include "common/pairs.glsl"
+#include "common/loads.glsl"
+#include "common/panels.h"
 #include "conv/params.h"
 #include "conv/winograd.glsl"
 PARAMS(WinogradWeightsParams, 2)
-BUFFER(0, readwrite, uint64_t, weight);    // [coarse, fine, 4, 4] in pairs along x
-BUFFER(1, readwrite, uint64_t, matrices);  // [coarse, 4 fine] each, in pairs
+BUFFER(0, readwrite, Pair, weight);    // [coarse, fine, 4, 4] in pairs along x
+BUFFER(1, readwrite, Pair, matrices);  // [coarse, 4 fine] each, in pairs
 
-// For the left side of a product: panels (linalg/gemm.glsl) of kWidth coarse channels or, kTurned,
+// For the left side of a product: panels (common/panels.h) of kWidth coarse channels or, kTurned,
 // of kWidth rows of the finer image.
 layout(constant_id = 2) const uint kWidth = 32;
 layout(constant_id = 3) const bool kTurned = false;
@@ -25,11 +26,11 @@ void pointsOf(uint weightIndex, uint py, out vec2 g[5][5]) {  // my, mx
         [[unroll]] for (uint b = 0; b < 2; ++b)
             taps[a][b] = unpackPair(weight.d[8 * weightIndex + 2 * (2 * a + py) + b]);
     [[unroll]] for (uint px = 0; px < 2; ++px) {
-        float across[2][9];
+        float across[2][kMostPoints];
         [[unroll]] for (uint a = 0; a < 2; ++a)
             tapsToPoints(float[4](taps[a][0][px], taps[a][1][px], 0, 0), across[a]);
         [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) {
-            float m[9];
+            float m[kMostPoints];
             tapsToPoints(float[4](across[0][mx], across[1][mx], 0, 0), m);
             [[unroll]] for (uint my = 0; my < kPoints; ++my) g[my][mx][px] = m[my];
         }
@@ -37,13 +38,13 @@ void pointsOf(uint weightIndex, uint py, out vec2 g[5][5]) {  // my, mx
 }
 
 void store(uint matrix, uint row, uint step, vec2 pair) {
-    uint at = (row / kWidth * params.panelSteps + step) * kWidth + row % kWidth;
+    uint at = panelIndex(row, step, params.panelSteps, kWidth);
     matrices.d[(matrix * params.strideMatrix + at) / 2] = packPair(pair);
 }
 
-// G w. One invocation per fine channel and two coarse ones, which are neighbours in a panel; turned,
-// per fine and coarse channel, px being neighbours. Invocations go step by step through a panel, so
-// that it is a stream.
+// G w. One invocation per fine channel and two coarse ones, which are neighbours in a panel;
+// turned, per fine and coarse channel, px being neighbours. Invocations go step by step through a
+// panel, so that it is a stream.
 ENTRY(to_tiles) {
     uint i = linearIndex();
     if (i >= params.invocations) return;
@@ -64,10 +65,10 @@ ENTRY(to_tiles) {
             pointsOf(coarse * params.channels + fine, py, g);
             // An odd number's last has itself for a neighbour, in a row that nobody stores.
             pointsOf(min(coarse + 1, params.features - 1) * params.channels + fine, py, next);
-            [[unroll]] for (uint m = 0; m < kPoints * kPoints; ++m)
-                [[unroll]] for (uint px = 0; px < 2; ++px)
-                    store(m, 2 * within, 4 * fine + 2 * py + px,
-                          vec2(g[m / kPoints][m % kPoints][px], next[m / kPoints][m % kPoints][px]));
+            [[unroll]] for (uint m = 0; m < kPoints * kPoints; ++m) [[unroll]] for (uint px = 0;
+                                                                                    px < 2; ++px)
+                store(m, 2 * within, 4 * fine + 2 * py + px,
+                      vec2(g[m / kPoints][m % kPoints][px], next[m / kPoints][m % kPoints][px]));
         }
     }
 }
@@ -83,9 +84,9 @@ ENTRY(from_tiles) {
                 unpackPair(matrices.d[(m * params.strideMatrix + 4 * i) / 2 + py]);
         vec2 taps[2][2];  // of both phases, by row and column
         [[unroll]] for (uint px = 0; px < 2; ++px) {
-            float across[2][9];
+            float across[2][kMostPoints];
             [[unroll]] for (uint mx = 0; mx < kPoints; ++mx) {
-                float down[9], w[4];
+                float down[kMostPoints], w[4];
                 [[unroll]] for (uint my = 0; my < kPoints; ++my) down[my] = sums[mx][my][px];
                 tapsFromPoints(down, w);
                 [[unroll]] for (uint a = 0; a < 2; ++a) across[a][mx] = w[a];

@@ -1,15 +1,16 @@
 // Bounds what it is given, y = min(max(x, low), high), of any shape [n];
 // dx = dy where x is within [low, high], 0 elsewhere.
 #version 460
+// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "elementwise/params.h"
 PARAMS(ClampParams, 4)
 #include "common/blocks.glsl"
 BUFFER(0, readonly, Block, x);    // [n], in pairs
-BUFFER(1, writeonly, uint64_t, y);   // [n]
+BUFFER(1, writeonly, Pair, y);   // [n]
 BUFFER(2, readonly, Block, dy);   // [n]
-BUFFER(3, writeonly, uint64_t, dx);  // [n]
+BUFFER(3, writeonly, Pair, dx);  // [n]
 
 ENTRY(forward) {
     uint n = params.n;

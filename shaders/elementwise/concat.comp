@@ -1,6 +1,7 @@
 // Copies a part [outer, inner] to its columns of y [outer, innerAll], from column `start` on, or
 // the gradient of these back; with kRelu y = max(0, part), whose gradient is 0 where y is.
 #version 460
+// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "elementwise/params.h"
@@ -13,7 +14,7 @@ BUFFER(3, writeonly, float, dpart);   // [outer, inner]
 BUFFER(4, readonly, Block, parts);    // the same, in pairs
 BUFFER(5, readwrite, Block, ys);
 BUFFER(6, readonly, Block, dys);
-BUFFER(7, writeonly, uint64_t, dparts);
+BUFFER(7, writeonly, Pair, dparts);
 
 layout(constant_id = 1) const bool kRelu = false;  // y = max(0, …); its sign is that of the part
 

@@ -2,15 +2,16 @@
 // and others, Dropout, JMLR 2014). Which ones: those whose random 32 bits, a hash of (seed, step,
 // stream, element), are below threshold = p 2^32. The gradient is the same map of dy.
 #version 460
+// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
-#include "common/pairs.glsl"
+#include "common/loads.glsl"
 #include "common/random.h"
 #include "common/step_params.h"
 #include "elementwise/params.h"
 PARAMS(DropoutParams, 3)
-BUFFER(0, readonly, uint64_t, x);       // [n], in pairs; backward: dy
-BUFFER(1, writeonly, uint64_t, y);      // [n]; backward: dx
+BUFFER(0, readonly, Pair, x);       // [n], in pairs; backward: dy
+BUFFER(1, writeonly, Pair, y);      // [n]; backward: dx
 BUFFER(2, readonly, StepParams, step);  // [1]
 
 ENTRY(forward) {

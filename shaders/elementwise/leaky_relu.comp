@@ -1,6 +1,7 @@
 // y = x where x > 0, slope x elsewhere, slope >= 0 (0: ReLU); dx = dy or slope dy by the sign of y,
 // which is that of x, so that x need not be kept. Any shape.
 #version 460
+// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "elementwise/params.h"
@@ -9,7 +10,7 @@ PARAMS(LeakyReluParams, 4)
 BUFFER(0, readonly, Block, x);    // [n], in pairs
 BUFFER(1, readwrite, Block, y);   // [n]
 BUFFER(2, readonly, Block, dy);   // [n]
-BUFFER(3, writeonly, uint64_t, dx);  // [n]
+BUFFER(3, writeonly, Pair, dx);  // [n]
 
 vec2 select(vec2 sign, vec2 v, float slope) {
     return mix(slope * v, v, greaterThan(sign, vec2(0)));

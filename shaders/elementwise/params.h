@@ -26,7 +26,7 @@ struct ClampParams {
 // Copies a part [outer, inner] from or to its place in [outer, innerAll].
 struct ConcatParams {
     uint n;  // elements of the part
-    uint inner, innerAll;
+    uint innerAll;
     uint start;  // of the part in a row
     Divisor byInner;
     Digits digits;

@@ -1,6 +1,7 @@
 // The hyperbolic tangent of any shape [n], y = tanh x;
 // its gradient is dx = (1 - y^2) dy.
 #version 460
+// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "elementwise/params.h"
@@ -9,7 +10,7 @@ PARAMS(ElementParams, 4)
 BUFFER(0, readonly, Block, x);    // [n], in pairs
 BUFFER(1, readwrite, Block, y);   // [n]
 BUFFER(2, readonly, Block, dy);   // [n]
-BUFFER(3, writeonly, uint64_t, dx);  // [n]
+BUFFER(3, writeonly, Pair, dx);  // [n]
 
 ENTRY(forward) {
     uint n = params.n;

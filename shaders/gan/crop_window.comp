@@ -31,7 +31,9 @@ bool findPixel(uvec2 at, out uint place) {
     place = (plane * params.height + uint(p.y)) * params.width + uint(p.x);
     return p.x >= 0 && p.y >= 0 && p.x < int(params.width) && p.y < int(params.height);
 }
-uint placeInWindow(uvec2 at) { return (gl_WorkGroupID.z * params.size + at.y) * params.size + at.x; }
+uint placeInWindow(uvec2 at) {
+    return (gl_WorkGroupID.z * params.size + at.y) * params.size + at.x;
+}
 
 ENTRY(forward) {
     uvec2 at = pixel();

@@ -7,18 +7,16 @@ struct PlanarParams {
     uint channels, pixels;
 };
 struct CropWindowParams {
-    uint planes;  // of all pictures, channels each
-    uint channels;
     uint width, height;
     uint size;  // of the window's side
-    Divisor byChannels;
+    Divisor byChannels;  // of a picture
 };
 struct GanLossParams {
     uint n;       // logits
     float label;  // 1: real, 0: fake
 };
 struct MisalignedRegionParams {
-    uint width, height;
+    uint width;
     uint row;       // of the centres
     uint faceSize;  // pixels
     uint oneSided;

@@ -1,6 +1,7 @@
-// The product of gemm.glsl on matrix units: A and B as panels of halves, C in single precision. A
-// workgroup is one subgroup and makes a tile of kMatrixFragments squared of the device's matrices,
-// whose sums stay in registers; panels are as wide as the tile.
+// C = A B (+ bias) (+ C), or the positive part of it, on matrix units: A [m, k] and B [k, n] as
+// panels of halves (common/panels.h), C in single precision; batches of them. A workgroup is one
+// subgroup and makes a tile of kMatrixFragments squared of the device's matrices, whose sums stay
+// in registers; panels are as wide as the tile. Elsewhere gemm.comp computes the same sums.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
@@ -51,7 +52,8 @@ ENTRY(tile) {
     float scale = 1;
     if (kScaled) scale = 1 / halfScale(largest.d[0]);
 
-    uint baseC = params.startC + part * params.batch * params.m * params.n + matrix * params.strideC;
+    uint baseC =
+        params.startC + part * params.batch * params.m * params.n + matrix * params.strideC;
     [[unroll]] for (uint i = 0; i < kMatrixFragments; ++i) {
         [[unroll]] for (uint j = 0; j < kMatrixFragments; ++j) {
             uint row = gl_WorkGroupID.x * kTileRows + i * kMatrixM;

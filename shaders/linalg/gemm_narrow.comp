@@ -3,20 +3,17 @@
 // order and have its bits. Matrices start at quads, and so do their rows. `columns` sums A's
 // columns as well, which are the gradient of a bias.
 #version 460
+// VARIANTS: cpu
 #extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_control_flow_attributes : require
-#extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_ballot : require
 #include "common/op.glsl"
+#include "common/loads.glsl"
 #include "common/rows.glsl"
 #include "linalg/params.h"
-// C = op(A) op(B) of up to four columns, for drivers that run lanes as a CPU's vector: each lane has
-// rows of C of its own, and values of B are loaded by one lane each and handed out, as in gemm.glsl;
-// sums are in its order and have its bits. Matrices start at texels, and so do their rows.
 PARAMS(GemmParams, 6)
-TEXELS(0, a);
-TEXELS(1, b);
-BUFFER(2, writeonly, float, c);
+QUADS(0, a);                       // rows: [m, k]; columns: [k, m]
+QUADS(1, b);                       // [k, kColumns] or, kTransB, [kColumns, k]
+BUFFER(2, writeonly, float, c);    // [parts, m, kColumns]
 BUFFER(3, readonly, float, bias);  // [kColumns] or [m], see kBias
 LISTED_ROWS(4)
 BUFFER(5, writeonly, float, sums);  // [parts, m], see kSums
@@ -33,7 +30,7 @@ const uint kLoads = (kTexels + kLanes - 1) / kLanes;
 vec4 loadB(uint e, uint k, uint end) {
     uint at = kTransB ? e / kQuads * params.ldb + min(k + 4 * (e % kQuads), end - 4)
                       : min(k + e, end - 1) * params.ldb;
-    return texelFetch(b, int((params.startB + at) / 4));
+    return quadAt(b, (params.startB + at) / 4);
 }
 // B[k + u, j] of this body.
 float valueB(vec4 loaded[kLoads], uint u, uint j) {
@@ -52,7 +49,7 @@ ENTRY(rows) {
         [[unroll]] for (uint t = 0; t < kLoads; ++t)
             ofB[t] = loadB(min(t * kLanes + lane, kTexels - 1), k, params.k);
         [[unroll]] for (uint q = 0; q < kQuads; ++q) {
-            own[q] = texelFetch(a, int((start + min(k + 4 * q, params.k - 4)) / 4));
+            own[q] = quadAt(a, (start + min(k + 4 * q, params.k - 4)) / 4);
             if (k + 4 * q >= params.k) own[q] = vec4(0);
         }
         [[unroll]] for (uint u = 0; u < kGemmUnroll; ++u)
@@ -65,7 +62,7 @@ ENTRY(rows) {
         c.d[params.startC + row * params.ldc + j] = sum[j] + (kBias == 1 ? bias.d[j] : ofRow);
 }
 
-// A lies as [k, m], m a multiple of 4: four rows of C per lane, and as in gemm.glsl parts of k.
+// A lies as [k, m], m a multiple of 4: four rows of C per lane, and as in gemm.comp parts of k.
 ENTRY(columns) {
     uint lane = gl_SubgroupInvocationID, row = 4 * (gl_WorkGroupID.x * kLanes + lane);
     uint part = gl_WorkGroupID.z, begin = part * params.kPart;
@@ -79,7 +76,7 @@ ENTRY(columns) {
         [[unroll]] for (uint t = 0; t < kLoads; ++t)
             ofB[t] = loadB(min(t * kLanes + lane, kTexels - 1), k, end);
         [[unroll]] for (uint u = 0; u < kGemmUnroll; ++u) {
-            vec4 own = texelFetch(a, int((start + min(k + u, end - 1) * params.lda) / 4));
+            vec4 own = quadAt(a, (start + min(k + u, end - 1) * params.lda) / 4);
             if (k + u >= end) own = vec4(0);
             [[unroll]] for (uint j = 0; j < kColumns; ++j) sum[j] += own * valueB(ofB, u, j);
             if (kSums) total += own;
@@ -87,8 +84,8 @@ ENTRY(columns) {
     }
     if (row >= params.m) return;
     uint to = params.startC + part * params.m * params.n;
-    [[unroll]] for (uint i = 0; i < 4; ++i)
-        [[unroll]] for (uint j = 0; j < kColumns; ++j) c.d[to + (row + i) * params.ldc + j] = sum[j][i];
+    [[unroll]] for (uint i = 0; i < 4; ++i) [[unroll]] for (uint j = 0; j < kColumns; ++j)
+        c.d[to + (row + i) * params.ldc + j] = sum[j][i];
     if (!kSums) return;
     [[unroll]] for (uint i = 0; i < 4; ++i) sums.d[part * params.m + row + i] = total[i];
 }

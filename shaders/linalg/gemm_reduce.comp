@@ -13,7 +13,6 @@ layout(constant_id = 1) const bool kAccumulate = false;
 layout(constant_id = 2) const uint kBias = 0;  // 1: one per column, 2: one per row
 layout(constant_id = 3) const bool kRelu = false;
 
-// The parts in order: the same bits every run.
 ENTRY(sum) {
     uint i = linearIndex();
     if (i >= params.elements) return;

@@ -1,13 +1,19 @@
+// packed[panel, step, within] = matrix[panel kWidth + within, step]: packs a matrix [count, steps],
+// by its strides, into the panels that a product reads
+// (common/panels.h): in single precision, or rounded to halves and then, where they are gradients,
+// multiplied by halfScale(). Behind the last item and the last step there are zeros.
 #version 460
+// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
-#include "common/pairs.glsl"
+#include "common/loads.glsl"
+#include "common/panels.h"
 #include "linalg/params.h"
 #include "linalg/half_scale.glsl"
 PARAMS(PanelsParams, 5)
 BUFFER(0, readonly, float, matrix);        // see the strides
-BUFFER(1, readonly, uint64_t, pairs);      // the same, in pairs
-BUFFER(2, writeonly, uint64_t, packed);    // [batch, panels, stepsInPanel, kWidth], in pairs
+BUFFER(1, readonly, Pair, pairs);      // the same, in pairs
+BUFFER(2, writeonly, Pair, packed);    // [batch, panels, stepsInPanel, kWidth], in pairs
 BUFFER(3, writeonly, uint, halves);        // the same, where kHalves
 BUFFER(4, readonly, uint, largest);        // [1], where kScaled
 
@@ -17,7 +23,7 @@ layout(constant_id = 2) const uint kPairs = 0;  // 0: none, 1: items, 2: steps
 
 layout(constant_id = 3) const bool kHalves = false;
 layout(constant_id = 4) const bool kScaled = false;  // times halfScale(largest)
-layout(constant_id = 5) const bool kInterleaved = false;  // see kGemmInterleaved
+layout(constant_id = 5) const bool kInterleaved = false;  // see kLayoutInterleaved
 
 const uint kSteps = 4;  // of an invocation, by two items
 
@@ -67,9 +73,10 @@ ENTRY(pack) {
     [[unroll]] for (uint s = 0; s < kSteps; ++s) {
         if (step + s < stepsInPanel) {
             vec2 inside = mix(vec2(0), v[s], items);
-            uint at = (panel * stepsInPanel + step + s) * kWidth + within;
-            if (kInterleaved)
-                at = (panel * stepsInPanel + step + s / 2 * 2) * kWidth + 2 * within + s % 2 * 2;
+            uint before = panel * stepsInPanel + step;
+            uint at = kInterleaved
+                          ? placeInPanel(2 * within + s % 2 * 2, before + s / 2 * 2, kWidth)
+                          : placeInPanel(within, before + s, kWidth);
             vec2 value = step + s < steps ? inside : vec2(0);
             if (kHalves) {
                 if (kScaled) value *= scale;

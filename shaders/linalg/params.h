@@ -1,17 +1,8 @@
 #ifndef LINALG_PARAMS_H
 #define LINALG_PARAMS_H
 #include "common/divide.h"
-#include "common/shared.h"
+#include "common/constants.h"
 SHARED_BEGIN
-#ifdef __cplusplus
-#define SHARED_CONSTANT constexpr
-#else
-#define SHARED_CONSTANT const
-#endif
-// How a matrix lies in memory.
-SHARED_CONSTANT uint kGemmRows = 0, kGemmTransposed = 1, kGemmPanels = 2;
-// Panels, pairs of a step and of the next by turns: a texel has two steps of two columns.
-SHARED_CONSTANT uint kGemmInterleaved = 3;
 SHARED_CONSTANT uint kGemmUnroll = 8;  // parts and panels have a multiple of so many steps of k
 // A workgroup on matrix units makes so many by so many of the device's matrices.
 SHARED_CONSTANT uint kMatrixFragments = 4;
@@ -26,7 +17,6 @@ struct GemmParams {
 };
 struct GemmReduceParams {
     uint elements;  // of C: batch * m * n
-    uint m, n;
     uint ldc, startC, strideC;
     uint parts;  // [parts, batch, m, n] are summed in order
     Divisor byRows, byColumns;

@@ -2,18 +2,18 @@
 // kAccumulate added to what y holds. Stretches bound what one invocation adds up; a second dispatch
 // adds up their sums.
 #version 460
+// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_control_flow_attributes : require
 #include "common/op.glsl"
+#include "common/loads.glsl"
 #include "linalg/params.h"
 PARAMS(SumParams, 3)
 BUFFER(0, readonly, float, x);   // [outer, count, inner]
 BUFFER(1, readwrite, float, y);  // [outer, parts, inner]
-TEXELS(2, xQuads);               // x again
+QUADS(2, xQuads);               // x again
 
 layout(constant_id = 1) const bool kAccumulate = false;
 
-// y = the sum over a stretch of the middle axis, in order.
 ENTRY(axis) {
     uint i = linearIndex();
     if (i >= params.outer * params.parts * params.inner) return;
@@ -30,8 +30,8 @@ ENTRY(axis) {
     y.d[i] = kAccumulate ? y.d[i] + total : total;
 }
 
-// Four columns per invocation, for an inner axis of a multiple of 4.
-ENTRY(axis_quads) {
+// Four columns per invocation, for an inner axis of a multiple of 4; zeros are read behind the end.
+CPU_ENTRY(axis_quads) {
     uint i = linearIndex(), row = params.inner / 4;
     if (i >= params.outer * params.parts * row) return;
     uint column = i % row, part = i / row % params.parts;
@@ -42,7 +42,7 @@ ENTRY(axis_quads) {
     vec4 total = vec4(0);
     for (uint r = first; r < last; r += kRows) {
         [[unroll]] for (uint u = 0; u < kRows; ++u) {
-            vec4 v = texelFetch(xQuads, int(at + u * row));
+            vec4 v = quadAt(xQuads, at + u * row);
             if (r + u < last) total += v;
         }
         at += kRows * row;

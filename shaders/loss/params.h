@@ -1,6 +1,5 @@
 #ifndef LOSS_PARAMS_H
 #define LOSS_PARAMS_H
-#include "common/blocks.h"
 #include "common/camera.h"
 #include "common/shared.h"
 SHARED_BEGIN
@@ -12,9 +11,7 @@ struct MaskedL1LossParams {
     uint n;  // pixels
     uint channels;
     uint partials;
-    Digits digits;
 };
-const uint kMaskBlocks = 4;  // of a subgroup
 struct SsimParams {
     uint width, height, channels;  // stored [H,W,C]
     uint partials;

@@ -3,19 +3,20 @@
 //     dp = -dloss (g U - (1 - g) I) / U^2.
 // Sums have a fixed order; both empty gives 0.
 #version 460
+// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
-#include "common/pairs.glsl"
+#include "common/loads.glsl"
 #include "loss/params.h"
 #include "loss/reduce.glsl"
 PARAMS(SilhouetteIouLossParams, 7)
-BUFFER(0, readonly, uint64_t, predicted);    // [n], in pairs
-BUFFER(1, readonly, uint64_t, target);       // [n], in pairs
+BUFFER(0, readonly, Pair, predicted);    // [n], in pairs
+BUFFER(1, readonly, Pair, target);       // [n], in pairs
 BUFFER(2, readwrite, vec2, partial);         // [partials] intersection, union
 BUFFER(3, readwrite, vec2, total);           // [1]
 BUFFER(4, writeonly, float, loss);           // [1]
 BUFFER(5, readonly, float, dLoss);           // [1]
-BUFFER(6, writeonly, uint64_t, dPredicted);  // [n], in pairs
+BUFFER(6, writeonly, Pair, dPredicted);  // [n], in pairs
 
 const uint kEach = 4;  // pairs in the body of a loop
 

@@ -9,7 +9,7 @@
 #include "common/op.glsl"
 #include "loss/params.h"
 #include "loss/reduce.glsl"
-PARAMS(SsimParams, 11)
+PARAMS(SsimParams, 10)
 BUFFER(0, readonly, float, a);           // [H,W,C]
 BUFFER(1, readonly, float, b);           // [H,W,C]
 BUFFER(2, readwrite, vec4, rows);        // [H,W,C] window along the row of a, b, a^2, b^2

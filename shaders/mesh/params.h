@@ -1,7 +1,7 @@
 #ifndef MESH_PARAMS_H
 #define MESH_PARAMS_H
 #include "common/divide.h"
-#include "common/shared.h"
+#include "common/constants.h"
 SHARED_BEGIN
 struct MeshParams {
     uint n;       // vertices, or faces
@@ -27,13 +27,6 @@ struct GraphPanelsParams {
     uint halfColumns;  // H: columns for the vertex itself, and as many for its neighbours
     Divisor byPieces;  // invocations of a vertex
 };
+SHARED_CONSTANT float kNormalEpsilon = 1e-6f;  // m^2; see vertexNormals()
 SHARED_END
-#ifdef __cplusplus
-namespace doppel {
-#endif
-const int kPairColumns = 32;         // columns per invocation of aggregate_pairs
-const float kNormalEpsilon = 1e-6f;  // m^2; see vertexNormals()
-#ifdef __cplusplus
-}
-#endif
 #endif

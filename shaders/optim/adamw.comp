@@ -4,6 +4,7 @@
 //     x = (1 - r decay) x - r m / (1 - b1^t) / (sqrt(v / (1 - b2^t)) + epsilon).
 // `all` updates whole arrays, `row` a table's row of this step's frame.
 #version 460
+// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "common/step_params.h"

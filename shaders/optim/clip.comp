@@ -3,12 +3,13 @@
 // difficulty of training recurrent neural networks, ICML 2013, section 3.2). linalg/sum.comp adds
 // up the parts.
 #version 460
+// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
-#include "common/pairs.glsl"
+#include "common/loads.glsl"
 #include "optim/params.h"
 PARAMS(ClipParams, 6)
-BUFFER(0, readwrite, uint64_t, gradient);  // [n], in pairs
+BUFFER(0, readwrite, Pair, gradient);  // [n], in pairs
 BUFFER(1, writeonly, float, partial);      // [parts]
 BUFFER(2, readwrite, float, squares);      // [1], the sum of them
 BUFFER(3, writeonly, float, norm);         // [1]

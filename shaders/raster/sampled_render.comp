@@ -2,26 +2,27 @@
 // the texture at the perspective-correct UV, bilinear and clamped at the border. image [H,W,3],
 // coverage [H,W]. Only spans in which a face is seen are shaded. No gradient.
 #version 460
+// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
-#include "common/pairs.glsl"
+#include "common/loads.glsl"
 #include "raster/params.h"
 #include "raster/triangle.glsl"
 layout(constant_id = 1) const uint samples = 1;  // per pixel and axis
 layout(constant_id = 2) const uint keys = 0;     // 1: of two numbers each
 PARAMS(SampledRenderParams, 9)
 BUFFER(0, readonly, uint, index);         // [H samples,W samples,1 + keys] NearestFaces::index
-BUFFER(1, readonly, uint64_t, screen);    // [V,4] floats from project.comp
-BUFFER(2, readonly, uint64_t, faces);     // [F,4] v0, v1, v2, unused
-BUFFER(3, readonly, uint64_t, uvs);       // [T,2] floats
-BUFFER(4, readonly, uint64_t, facesUv);   // [F,4] t0, t1, t2, unused
+BUFFER(1, readonly, Pair, screen);    // [V,4] floats from project.comp
+BUFFER(2, readonly, IntPair, faces);  // [F,4] v0, v1, v2, unused
+BUFFER(3, readonly, Pair, uvs);       // [T,2] floats
+BUFFER(4, readonly, IntPair, facesUv);  // [F,4] t0, t1, t2, unused
 BUFFER(5, readonly, float, tex);          // [Ht,Wt,3]
 BUFFER(6, readonly, uint, spans);         // [1+H W/kSpan] see SeenSpans in nn/ops/raster.h
 BUFFER(7, writeonly, float, image);       // [H,W,3] zeros before
 BUFFER(8, writeonly, float, coverage);    // [H,W] zeros before
 
-ivec3 triple(uint64_t first, uint64_t second) {
-    return ivec3(unpackUint2x32(first), unpackUint2x32(second).x);
+ivec3 triple(IntPair first, IntPair second) {
+    return ivec3(unpackInts(first), unpackInts(second).x);
 }
 vec4 corner(int v) { return vec4(unpackPair(screen.d[2 * v]), unpackPair(screen.d[2 * v + 1])); }
 vec3 texel(uint x, uint y) {

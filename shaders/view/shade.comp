@@ -4,10 +4,11 @@
 // in which a face is seen (raster/seen_spans.comp), for a CPU's vectors would walk through the
 // shading of the others too.
 #version 460
+// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #include "common/op.glsl"
-#include "common/pairs.glsl"
+#include "common/loads.glsl"
 #include "raster/triangle.glsl"
 #include "view/params.h"
 // What it paints is fixed in the pipeline: a CPU's vectors would walk through every branch.
@@ -18,11 +19,11 @@ layout(constant_id = 4) const uint samples = 1;    // of the nearest faces, per 
 layout(constant_id = 5) const uint keys = 0;       // 1: of two numbers each, see nn/ops/raster.h
 PARAMS(ShadeParams, 12)
 BUFFER(0, readonly, uint, index);           // [H s,W s,1 + keys] NearestFaces::index
-BUFFER(1, readonly, uint64_t, screen);      // [V,4] floats from raster/project.comp
+BUFFER(1, readonly, Pair, screen);      // [V,4] floats from raster/project.comp
 BUFFER(2, readonly, float, normals);        // [V,3] the body's world, unit length
 BUFFER(3, readonly, vec2, marks);           // [V] body part; clamp bound as part of the largest
-BUFFER(4, readonly, uint64_t, faces);       // [F,4] v0, v1, v2, unused
-BUFFER(5, readonly, uint64_t, cornerUvs);   // [F,4,2] UVs of the corners; the last unused
+BUFFER(4, readonly, IntPair, faces);       // [F,4] v0, v1, v2, unused
+BUFFER(5, readonly, Pair, cornerUvs);   // [F,4,2] UVs of the corners; the last unused
 BUFFER(6, readonly, uint, tex);             // [S,S] R, G, B, A from the lowest byte
 BUFFER(7, readonly, float, visibility);     // [S,S]
 BUFFER(8, readonly, ShadeState, state);     // [1]
@@ -31,8 +32,7 @@ BUFFER(10, writeonly, uint, picture);       // [H,W]
 BUFFER(11, readonly, uint, spans);          // [1+H W/kSpan] see SeenSpans in nn/ops/raster.h
 
 ivec3 faceVertices(uint face) {
-    uvec2 two = unpackUint2x32(faces.d[2 * face]);
-    return ivec3(two, unpackUint2x32(faces.d[2 * face + 1]).x);
+    return ivec3(unpackInts(faces.d[2 * face]), unpackInts(faces.d[2 * face + 1]).x);
 }
 vec2 screenAt(int v) { return unpackPair(screen.d[2 * v]); }
 vec4 corner(int v) { return vec4(screenAt(v), unpackPair(screen.d[2 * v + 1])); }

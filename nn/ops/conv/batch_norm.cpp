@@ -1,8 +1,8 @@
 #include <algorithm>
 
 #include "conv/params.h"
+#include "nn/core/blocks.h"
 #include "nn/core/op.h"
-#include "nn/ops/blocks.h"
 #include "nn/ops/conv/conv.h"
 #include "nn/ops/conv/windows.h"
 
@@ -11,14 +11,16 @@ namespace doppel {
 namespace {
 
 // A layer and how its passes are dispatched. On CPUs small images go through all passes in one
-// dispatch (wholeChannels), and larger ones of even sizes by whole vectors (byBlocks).
+// dispatch (wholeChannels), and larger ones of even sizes by whole vectors (byBlocks); pixels go in
+// pairs there, where their number is even.
 struct BatchNormLayer {
     Tensor x, weight, bias, y, mean, deviation;
     RunningStatistics running;
     bool training;
     int64_t images, channels, pixels;
     BatchNormParams params;
-    bool pairs, wholeChannels, byBlocks;
+    bool wholeChannels, byBlocks;
+    std::string variant;  // of the kernels
     uint32_t lanes;
     int64_t chunks;
     BatchNormBlocksParams blocksParams;
@@ -40,7 +42,9 @@ struct BatchNormLayer {
           images(x_.dim(0)),
           channels(x_.dim(1)),
           pixels(x_.dim(2) * x_.dim(3)) {
-        pairs = pixels % 2 == 0;
+        const KernelPath& path = graph.device().kernelPath();
+        const bool pairs = path.texels && pixels % 2 == 0;
+        if (!pairs) variant = "@plain";
         int64_t elements = pairs ? pixels / 2 : pixels;
         int64_t threads = std::min<int64_t>(elements, 64);
         params = {u32(images),     u32(channels),    u32(pixels),  u32(threads),
@@ -49,7 +53,7 @@ struct BatchNormLayer {
         passes = planes((elements + 3) / 4, channels, images, forPasses);
 
         constexpr int64_t kSmall = 4096;
-        lanes = vectorLanes(graph.device());
+        lanes = path.vectorLanes;
         wholeChannels = lanes > 0 && images * pixels <= kSmall;
         chunks = pixels / kChunkElements;
         uint32_t together = chunks % 16 == 0 ? 16 : 4;
@@ -75,10 +79,8 @@ struct BatchNormLayer {
     void channel(Graph& graph, const std::string& entry, std::initializer_list<Argument> arguments,
                  Specialisation spec) const {
         spec.insert({{"local_size", lanes}, {"kLanes", lanes}});
-        std::string kernel =
-            pairs ? "conv/batch_norm_channel_pairs." : "conv/batch_norm_channel_pixels.";
-        graph.dispatchGroups((kernel + entry).c_str(), arguments, params, {u32(channels), 1, 1},
-                             spec);
+        const std::string kernel = "conv/batch_norm_channel." + entry + variant;
+        graph.dispatchGroups(kernel.c_str(), arguments, params, {u32(channels), 1, 1}, spec);
     }
 
     enum class Pass { Sum, Elements };
@@ -87,14 +89,12 @@ struct BatchNormLayer {
         const bool sum = kind == Pass::Sum;
         const Specialisation& own = byBlocks ? forBlocks : sum ? forSums : forPasses;
         spec.insert(own.begin(), own.end());
-        std::string kernel = byBlocks ? "conv/batch_norm_blocks."
-                             : pairs  ? "conv/batch_norm_pairs."
-                                      : "conv/batch_norm_pixels.";
-        kernel += entry;
         if (byBlocks)
-            graph.dispatchGroups(kernel.c_str(), arguments, blocksParams, blocks, spec);
+            graph.dispatchGroups(("conv/batch_norm_blocks." + entry).c_str(), arguments,
+                                 blocksParams, blocks, spec);
         else
-            graph.dispatchGroups(kernel.c_str(), arguments, params, sum ? sums : passes, spec);
+            graph.dispatchGroups(("conv/batch_norm_passes." + entry + variant).c_str(), arguments,
+                                 params, sum ? sums : passes, spec);
     }
 
     // What joins the sums of blocks' chunks.
@@ -144,8 +144,8 @@ struct BatchNormLayer {
         if (byBlocks) {
             Tensor partial = graph.temporary({channels, images * chunks, 2});
             pass(graph, Pass::Sum, "sum_values", {{"x", x}, {"partial", partial}});
-            join(graph, "conv/batch_norm_chunks.statistics",
-                 {{"sums", partial},
+            join(graph, "conv/batch_norm.chunk_statistics",
+                 {{"chunkSums", partial},
                   {"mean", mean},
                   {"deviation", deviation},
                   {"runningMean", runningMean(graph)},
@@ -215,10 +215,10 @@ struct BatchNormLayer {
                   {"bias", bias},
                   {"partial", partial}});
         if (byBlocks)
-            join(graph, "conv/batch_norm_chunks.parameters",
-                 {{"sums", partial}, {"dweight", dweight}, {"dbias", dbias}});
+            join(graph, "conv/batch_norm.chunk_parameters",
+                 {{"chunkSums", partial}, {"dweight", dweight}, {"dbias", dbias}});
         else
-            graph.dispatch("conv/batch_norm_backward.parameters",
+            graph.dispatch("conv/batch_norm.parameters",
                            {{"sums", partial}, {"dweight", dweight}, {"dbias", dbias}}, params,
                            uint64_t(channels));
         if (atOnce || !graph.wantsGradient(x)) return;

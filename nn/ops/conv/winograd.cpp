@@ -1,8 +1,10 @@
-#include "nn/ops/conv/winograd.h"
-
+// Convolutions with fewer products (shaders/conv/winograd.glsl has the algebra and the source). Of
+// stride 2 the finer image is the windows' image, the coarser one its maps.
 #include <algorithm>
 
+#include "common/panels.h"
 #include "conv/params.h"
+#include "nn/ops/conv/algorithm.h"
 #include "nn/ops/linalg.h"
 
 namespace doppel {
@@ -12,30 +14,89 @@ namespace {
 // What a piece holds in tiles: enough to keep a device busy, and a bound for the memory it takes.
 constexpr int64_t kPieceElements = int64_t{1} << 22, kFewestTiles = 256;
 
-// Halves are too coarse for the factors of any but two sets of points (shaders/conv/winograd.glsl).
-bool takesAnyPoints(const Device& device) { return device.precision() == Precision::Single; }
+// The kernels of convolutions of a stride.
+struct Transforms {
+    const char *imageToTiles, *mapsToTiles, *imageFromTiles, *mapsFromTiles;
+    const char *weightsToTiles, *weightsFromTiles;
+};
+constexpr Transforms kStrided{
+    .imageToTiles = "conv/winograd.fine_to_tiles",
+    .mapsToTiles = "conv/winograd.coarse_to_tiles",
+    .imageFromTiles = "conv/winograd.fine_from_tiles",
+    .mapsFromTiles = "conv/winograd.coarse_from_tiles",
+    .weightsToTiles = "conv/winograd_weights.to_tiles",
+    .weightsFromTiles = "conv/winograd_weights.from_tiles",
+};
+// An image's gradient is a convolution of the maps.
+constexpr Transforms kDense{
+    .imageToTiles = "conv/winograd_dense.image_to_tiles",
+    .mapsToTiles = "conv/winograd_dense.results_to_tiles",
+    .imageFromTiles = nullptr,
+    .mapsFromTiles = "conv/winograd_dense.results_from_tiles",
+    .weightsToTiles = "conv/winograd_dense_weights.to_tiles",
+    .weightsFromTiles = "conv/winograd_dense_weights.from_tiles",
+};
 
-// How a layer is cut into tiles, of 4x4 windows or, where maps are small and of stride 2, of 2x2:
-// larger ones have fewer products, but 25 transformed weights for 16 in place of 9.
+// A way of cutting the layers of some kernel and stride into tiles of windows. A new one is a row
+// here, and the matrices of its points in shaders/conv/winograd.glsl.
+struct TileShape {
+    int64_t kernel, stride;
+    int64_t tile;                  // windows of a tile in one dimension
+    uint32_t points;               // products in one dimension
+    uint32_t taps, set;            // of the points
+    bool halves;                   // half precision bears its factors
+    int64_t multipleX, multipleY;  // of the maps' sides
+    int64_t fewestWindows;         // of all images
+    const Transforms* transforms;
+};
+// A layer takes the first row that it fits. Small maps of stride 2 have smaller tiles: larger ones
+// have fewer products, but 25 transformed weights for 16 in place of 9.
+constexpr TileShape kShapes[] = {
+    {4, 2, 4, 5, 2, 1, false, 8, 4, 1024, &kStrided},
+    {4, 2, 2, 3, 2, 0, true, 4, 2, 256, &kStrided},
+    {3, 1, 4, 6, 3, 2, false, 1, 1, 320, &kDense},
+    {4, 1, 4, 7, 4, 3, false, 1, 1, 320, &kDense},
+    {4, 1, 4, 9, 4, 4, true, 1, 1, 320, &kDense},
+};
+
+// The layer's row of kShapes; null: it has none.
+const TileShape* shapeOf(const Device& device, const Windows& w) {
+    for (const TileShape& s : kShapes) {
+        // Strided windows cover an image twice as large as the maps.
+        const bool padded = s.stride == 2 ? w.padding == 1 && w.height == 2 * w.outHeight &&
+                                                w.width == 2 * w.outWidth
+                                          : w.padding < s.kernel;
+        if (w.kernelH == s.kernel && w.kernelW == s.kernel && w.stride == s.stride && padded &&
+            (s.halves || device.precision() == Precision::Single) &&
+            w.outWidth % s.multipleX == 0 && w.outHeight % s.multipleY == 0 &&
+            w.images * w.windows() >= s.fewestWindows)
+            return &s;
+    }
+    return nullptr;
+}
+
+// How a layer is cut into tiles.
 struct Tiling {
-    Tiling(const Device& device, const Windows& w) : strided(w.stride == 2) {
-        constexpr int64_t kFewest = 64;
-        bool large = takesAnyPoints(device) && w.outWidth % 8 == 0 && w.outHeight % 4 == 0 &&
-                     w.images * w.windows() >= 16 * kFewest;
-        tile = strided && !large ? 2 : 4;
-        across = (w.outWidth + tile - 1) / tile;
-        tiles = across * ((w.outHeight + tile - 1) / tile);
-        points = strided ? tile + 1 : !takesAnyPoints(device) ? 9 : w.kernelW == 3 ? 6 : 7;
-        matrices = points * points;
+    Tiling(const TileShape& s, const Windows& w) : shape(s), strided(s.stride == 2) {
+        across = (w.outWidth + s.tile - 1) / s.tile;
+        tiles = across * ((w.outHeight + s.tile - 1) / s.tile);
+        matrices = int64_t{s.points} * s.points;
         rowsEach = strided ? 4 : 1;
         channelRows = rowsEach * w.channels;
     }
 
+    Specialisation specialisation() const {
+        return {{"kSet", shape.set},
+                {"kPoints", shape.points},
+                {"kResults", u32(shape.tile)},
+                {"kTaps", shape.taps}};
+    }
+
+    const TileShape& shape;
     bool strided;
-    int64_t tile;                   // windows of a tile in one dimension
-    int64_t across, tiles;          // in a row, in an image
-    int64_t points, matrices;       // products in one dimension, in two
-    int64_t rowsEach, channelRows;  // rows of a channel of the image, of all
+    int64_t across = 0, tiles = 0;          // in a row, in an image
+    int64_t matrices = 0;                   // products in two dimensions
+    int64_t rowsEach = 0, channelRows = 0;  // rows of a channel of the image, of all
 };
 
 // Some tiles of one image, or all tiles of some images.
@@ -71,7 +132,7 @@ std::vector<Part> parts(const Device& device, int64_t channels, int64_t elements
                         size_t pieces) {
     constexpr int64_t kOfCpu = int64_t{1} << 20, kOfGpu = int64_t{1} << 24;
     constexpr int64_t kMultiple = 32;  // rows of a panel
-    int64_t elements = loadsTexels(device) ? kOfCpu : kOfGpu;
+    int64_t elements = device.kernelPath().texels ? kOfCpu : kOfGpu;
     int64_t fit = pieces > 1 ? channels : std::max<int64_t>(1, elements / elementsEach);
     int64_t count = (channels + fit - 1) / fit;
     int64_t each = ((channels + count - 1) / count + kMultiple - 1) / kMultiple * kMultiple;
@@ -81,16 +142,14 @@ std::vector<Part> parts(const Device& device, int64_t channels, int64_t elements
     return result;
 }
 
-// As conv/winograd_tiles.glsl has them. Panels are of B's columns or of A's rows.
-enum class Layout : uint32_t { Rows, TilePanels, RowPanels };
 enum class Side { Image, Maps };
 
 // The matrices of one side of a piece.
 struct Matrices {
-    Layout layout = Layout::Rows;
-    int64_t width = 1;       // of a panel
-    int64_t panelSteps = 0;  // of a panel of rows: tiles, or some more, zeros then
-    int64_t elements = 0;    // from one matrix to the next
+    uint32_t layout = kLayoutRows;  // rows; panels of A's or B^T's rows; panels of B's columns
+    int64_t width = 1;              // of a panel
+    int64_t panelSteps = 0;         // of a panel of rows: tiles, or some more, zeros then
+    int64_t elements = 0;           // from one matrix to the next
 
     // rows x tiles, row by row.
     static Matrices rows(int64_t rows, int64_t tiles) {
@@ -101,7 +160,7 @@ struct Matrices {
     // For B: [rows, tiles], a panel being some tiles.
     static Matrices tilePanels(const Device& device, int64_t rows, int64_t tiles) {
         Matrices m;
-        m.layout = Layout::TilePanels;
+        m.layout = kLayoutColumnPanels;
         m.width = gemmPanelWidth(device, tiles);
         m.elements = apart((tiles + m.width - 1) / m.width * m.width * rows);
         return m;
@@ -109,7 +168,7 @@ struct Matrices {
     // For B: [tiles, rows]; or for A: [rows, tiles]; a panel being some rows.
     static Matrices rowPanels(int64_t width, int64_t rows, int64_t steps) {
         Matrices m;
-        m.layout = Layout::RowPanels;
+        m.layout = kLayoutRowPanels;
         m.width = width;
         m.panelSteps = steps;
         m.elements = apart((rows + width - 1) / width * width * steps);
@@ -128,7 +187,7 @@ private:
 // A tensor of a layer's matrices; zeros where panels have steps that none of the rows has.
 Tensor matricesTensor(Graph& graph, const Tiling& tiling, const Matrices& m, int64_t steps) {
     Tensor matrices = graph.temporary({tiling.matrices, m.elements});
-    if (m.layout == Layout::RowPanels && m.panelSteps != steps) graph.fill(matrices);
+    if (m.layout == kLayoutRowPanels && m.panelSteps != steps) graph.fill(matrices);
     return matrices;
 }
 
@@ -146,7 +205,7 @@ TileDispatch tileDispatch(const Tiling& tiling, const Windows& w, const Piece& p
     bool image = side == Side::Image;
     int64_t channels = whole(w, side).count;
     int64_t height = image ? w.height : w.outHeight, width = image ? w.width : w.outWidth;
-    TileDispatch d{.spec = {{"kPoints", u32(tiling.points)}}};
+    TileDispatch d{.spec = tiling.specialisation()};
     d.params = {.channels = u32(channels),
                 .height = u32(height),
                 .width = u32(width),
@@ -163,10 +222,10 @@ TileDispatch tileDispatch(const Tiling& tiling, const Windows& w, const Piece& p
     // Invocations side by side write side by side: tiles or, in panels of rows, channels. Of the
     // image under strided windows, rows of either parity are a workgroup's.
     int64_t along = tiling.strided ? piece.tiles / 2 : piece.tiles, across = part.count;
-    if (matrices.layout == Layout::RowPanels) std::swap(along, across);
+    if (matrices.layout == kLayoutRowPanels) std::swap(along, across);
     if (tiling.strided && image) across *= 2;
     d.groups = planes(along, across, piece.images, d.spec);
-    d.spec["kLayout"] = static_cast<uint32_t>(matrices.layout);
+    d.spec["kLayout"] = matrices.layout;
     d.spec["kWidth"] = u32(matrices.width);
     return d;
 }
@@ -175,20 +234,10 @@ Tensor toTiles(Graph& graph, const Tiling& tiling, Side side, const Matrices& la
                const Windows& w, const Piece& piece, const Part& part, const Tensor& image) {
     TileDispatch d = tileDispatch(tiling, w, piece, side, part, layout);
     Tensor matrices = matricesTensor(graph, tiling, layout, piece.count());
-    const bool fine = side == Side::Image, texels = loadsTexels(graph.device());
-    const char* kernel = w.stride == 1 ? fine ? "conv/winograd_dense.image_to_tiles"
-                                              : "conv/winograd_dense.results_to_tiles"
-                         : texels      ? fine ? "conv/winograd_texels.fine_to_tiles"
-                                              : "conv/winograd_texels.coarse_to_tiles"
-                         : fine        ? "conv/winograd.fine_to_tiles"
-                                       : "conv/winograd.coarse_to_tiles";
-    if (w.stride == 1 || fine)
-        graph.dispatchGroups(kernel, {{"image", image}, {"matrices", matrices}}, d.params, d.groups,
-                             d.spec);
-    else
-        graph.dispatchGroups(kernel,
-                             {{"image", image}, {"matrices", matrices}, {"single", matrices}},
-                             d.params, d.groups, d.spec);
+    const Transforms& kernels = *tiling.shape.transforms;
+    graph.dispatchGroups(side == Side::Image ? kernels.imageToTiles : kernels.mapsToTiles,
+                         {{"image", image}, {"matrices", matrices}, {"single", matrices}}, d.params,
+                         d.groups, d.spec);
     return matrices;
 }
 
@@ -198,12 +247,11 @@ void fromTiles(Graph& graph, const Tiling& tiling, Side side, const Windows& w, 
     TileDispatch d =
         tileDispatch(tiling, w, piece, side, part, Matrices::rows(rows, piece.count()));
     d.spec["kBias"] = bias ? 1 : 0;
-    const char* kernel = side == Side::Image ? "conv/winograd.fine_from_tiles"
-                         : w.stride == 2     ? "conv/winograd.coarse_from_tiles"
-                                             : "conv/winograd_dense.results_from_tiles";
+    const Transforms& kernels = *tiling.shape.transforms;
     graph.dispatchGroups(
-        kernel, {{"matrices", matrices}, {"result", image}, {"bias", bias ? bias : graph.none()}},
-        d.params, d.groups, d.spec);
+        side == Side::Image ? kernels.imageFromTiles : kernels.mapsFromTiles,
+        {{"matrices", matrices}, {"result", image}, {"bias", bias ? bias : graph.none()}}, d.params,
+        d.groups, d.spec);
 }
 
 // Of weight [features, channels, kernel, kernel].
@@ -237,13 +285,13 @@ Weights weightsToTiles(Graph& graph, const Tiling& tiling, const Windows& w, con
     int64_t rowsEach = !tiling.strided ? 1 : turned ? 4 : 2;
     int64_t panels = (result.rows + layout.width - 1) / layout.width;
     int64_t invocations = panels * (layout.width / rowsEach) * (turned ? w.features : w.channels);
-    Specialisation spec{
-        {"kPoints", u32(tiling.points)}, {"kTurned", turned}, {"kWidth", u32(layout.width)}};
-    graph.dispatch(
-        tiling.strided ? "conv/winograd_weights.to_tiles" : "conv/winograd_dense_weights.to_tiles",
-        {{"weight", weight}, {"matrices", result.matrices}},
-        weightsParams(w, invocations, part, layout, turned), static_cast<uint64_t>(invocations),
-        spec);
+    Specialisation spec = tiling.specialisation();
+    spec["kTurned"] = turned;
+    spec["kWidth"] = u32(layout.width);
+    graph.dispatch(tiling.shape.transforms->weightsToTiles,
+                   {{"weight", weight}, {"matrices", result.matrices}},
+                   weightsParams(w, invocations, part, layout, turned),
+                   static_cast<uint64_t>(invocations), spec);
     return result;
 }
 
@@ -268,10 +316,10 @@ Tensor products(Graph& graph, const Weights& weights, const Tensor& tiles, int64
 
 // The other side of the layer w = weights given (+ bias). turned: weights [channels, features],
 // which are those of the layer weightsOf, of which w is the transpose where the stride is 1.
-void convolve(Graph& graph, const Windows& w, Side side, const Tensor& given,
-              const Windows& weightsOf, bool turned, const Tensor& weight, const Tensor& bias,
-              const Tensor& result) {
-    Tiling tiling(graph.device(), w);
+void convolve(Graph& graph, const TileShape& shape, const Windows& w, Side side,
+              const Tensor& given, const Windows& weightsOf, bool turned, const Tensor& weight,
+              const Tensor& bias, const Tensor& result) {
+    Tiling tiling(shape, w);
     const bool gathers = side == Side::Image;
     const Side made = gathers ? Side::Maps : Side::Image;
     const Tensor& largest = gathers ? w.largestImage : w.largestMaps;
@@ -295,39 +343,35 @@ void convolve(Graph& graph, const Windows& w, Side side, const Tensor& given,
     }
 }
 
-}  // namespace
-
 bool winogradPays(const Device& device, const Windows& w) {
-    if (w.kernelH != w.kernelW || w.channels < 16 || w.features < 16) return false;
-    bool strided =
-        w.kernelW == 4 && w.stride == 2 && w.padding == 1 && w.height % 4 == 0 && w.width % 8 == 0;
-    bool dense = w.stride == 1 && w.padding < w.kernelW &&
-                 (w.kernelW == 4 || (w.kernelW == 3 && takesAnyPoints(device)));
-    if (!strided && !dense) return false;
+    const TileShape* shape = shapeOf(device, w);
+    if (!shape || w.channels < 16 || w.features < 16) return false;
     // The kernels count elements of all matrices in 32 bits; a piece may be a whole image.
-    Tiling tiling(device, w);
+    Tiling tiling(*shape, w);
     int64_t rows = std::max({tiling.channelRows, w.features, w.channels});
     int64_t most = std::max({tiling.tiles, kFewestTiles, rows});
-    if (tiling.matrices * rows * most >= int64_t{1} << 31) return false;
-    return w.images * w.windows() >= (strided ? 256 : 320);
+    return tiling.matrices * rows * most < int64_t{1} << 31;
 }
 
 void winogradGather(Graph& graph, const Windows& w, const Tensor& image, const Tensor& weight,
                     const Tensor& bias, const Tensor& maps) {
-    convolve(graph, w, Side::Image, image, w, false, weight, bias, maps);
+    const TileShape& shape = *shapeOf(graph.device(), w);
+    convolve(graph, shape, w, Side::Image, image, w, false, weight, bias, maps);
 }
 
 void winogradSum(Graph& graph, const Windows& w, const Tensor& maps, const Tensor& weight,
                  const Tensor& bias, const Tensor& image) {
-    if (w.stride == 2) return convolve(graph, w, Side::Maps, maps, w, true, weight, bias, image);
+    const TileShape& shape = *shapeOf(graph.device(), w);
+    if (shape.stride == 2)
+        return convolve(graph, shape, w, Side::Maps, maps, w, true, weight, bias, image);
     // A convolution of the maps, with the kernels turned.
-    convolve(graph, w.turned(), Side::Image, maps, w, true, weight, bias, image);
+    convolve(graph, shape, w.turned(), Side::Image, maps, w, true, weight, bias, image);
 }
 
 void winogradWeights(Graph& graph, const Windows& w, const Tensor& image, const Tensor& maps,
                      const Tensor& dweight) {
     const Device& device = graph.device();
-    Tiling tiling(device, w);
+    Tiling tiling(*shapeOf(device, w), w);
     std::vector<Piece> ofTiles = pieces(tiling, w, false);
     std::vector<Part> ofWeights =
         parts(device, w.features, tiling.matrices * tiling.channelRows, ofTiles.size());
@@ -359,13 +403,17 @@ void winogradWeights(Graph& graph, const Windows& w, const Tensor& image, const 
                   .largestB = w.largestImage});
             if (&piece != &ofTiles.back()) continue;
             int64_t invocations = part.count * w.channels;
-            graph.dispatch(tiling.strided ? "conv/winograd_weights.from_tiles"
-                                          : "conv/winograd_dense_weights.from_tiles",
+            graph.dispatch(tiling.shape.transforms->weightsFromTiles,
                            {{"weight", dweight}, {"matrices", sums}},
                            weightsParams(w, invocations, part, layout, false),
-                           static_cast<uint64_t>(invocations), {{"kPoints", u32(tiling.points)}});
+                           static_cast<uint64_t>(invocations), tiling.specialisation());
         }
     }
 }
+
+}  // namespace
+
+const ConvAlgorithm kWinogradConvolution{winogradPays, winogradGather, winogradSum,
+                                         winogradWeights};
 
 }  // namespace doppel

@@ -1,12 +1,15 @@
-// Batch normalisation of small images in one dispatch each way, for drivers that run lanes as a CPU's
-// vector: a workgroup, which is one subgroup, takes a channel through all passes while it is in the
-// core's cache. The passes are those of batch_norm.glsl.
-#extension GL_EXT_control_flow_attributes : require
+// Batch normalisation of small images in one dispatch each way, for CPUs: a workgroup, which is one
+// subgroup, takes a channel through all passes while it is in the core's cache. The passes and
+// formulas are those of batch_norm_passes.comp.
+// y = f(weight (x - mean) / sqrt(variance + epsilon) + bias), [images, channels, pixels].
+#version 460
+// VARIANTS: plain, cpu
+#extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
+#include "common/op.glsl"
 #include "conv/params.h"
-#include "conv/batch_norm_value.glsl"
-
-PARAMS(BatchNormParams, 12)
+#include "conv/batch_norm.glsl"
+PARAMS(BatchNormParams, 11)
 BUFFER(0, readonly, Element, x);               // [images, channels, pixels]
 BUFFER(1, readonly, Element, dy);              // [images, channels, pixels]
 BUFFER(2, writeonly, Element, y);              // [images, channels, pixels]; backward: dx
@@ -45,7 +48,7 @@ float sumOfChannel(uint c, float middle, bool squares) {
 }
 
 // Workgroups: x channels.
-void forwardChannel() {
+ENTRY(forward) {
     uint c = gl_WorkGroupID.x, lane = gl_SubgroupInvocationID;
     uint count = params.pixels / WIDTH, all = params.images * params.pixels;
     float slope = params.slope, w = weight.d[c], shift = bias.d[c];
@@ -75,7 +78,7 @@ void forwardChannel() {
     }
 }
 
-void backwardChannel() {
+ENTRY(backward) {
     uint c = gl_WorkGroupID.x, lane = gl_SubgroupInvocationID;
     uint count = params.pixels / WIDTH;
     float middle = mean.d[c], scale = deviation.d[c], slope = params.slope;
