@@ -20,11 +20,12 @@ namespace {
 namespace fs = std::filesystem;
 
 // From the lowest to the highest. A file includes files of its own folder and of folders before it.
+// A folder that is not named here has the place of the folder that it lies in.
 const std::vector<std::string> kOrder = {
-    "engine",         "engine/io",       "nn/core",  "nn/body",      "nn/ops",
-    "nn/ops/conv",    "nn/nets",         "nn/steps", "nn/tools",     "trainer/data",
-    "trainer/motion", "trainer/avatar",  "viewer",   "trainer/eval", "trainer/import",
-    "trainer/stages", "trainer/commands"};
+    "engine",       "engine/io",      "nn/core",        "nn/body",
+    "nn/ops",       "nn/nets",        "nn/steps",       "nn/tools",
+    "trainer/data", "trainer/motion", "trainer/avatar", "viewer",
+    "trainer/eval", "trainer/import", "trainer/stages", "trainer/commands"};
 // The viewer stands beside these: neither includes the other.
 const std::set<std::string> kBesideViewer = {"trainer/eval", "trainer/import", "trainer/stages"};
 
@@ -61,7 +62,14 @@ std::vector<std::string> includesOf(const std::string& text) {
 // Includes that go up, "FILE includes FILE", and files in folders that have no place in the order.
 std::vector<std::string> includesUp(const Sources& sources) {
     std::vector<std::string> found;
-    auto placeOf = [](const std::string& folder) { return std::ranges::find(kOrder, folder); };
+    auto placeOf = [](fs::path folder) {
+        auto place = std::ranges::find(kOrder, folder.string());
+        while (place == kOrder.end() && folder.has_parent_path()) {
+            folder = folder.parent_path();
+            place = std::ranges::find(kOrder, folder.string());
+        }
+        return place;
+    };
     for (const auto& [file, text] : sources) {
         const std::string folder = folderOf(file);
         if (placeOf(folder) == kOrder.end())
@@ -156,6 +164,21 @@ testing::AssertionResult isEmpty(const std::vector<std::string>& sentences) {
 }
 
 const fs::path kRoot = DOPPEL_SOURCE_DIR;
+const std::vector<std::string> kCode = {"engine", "nn", "trainer", "viewer"};
+const std::vector<std::string> kFolders = {"engine", "nn", "trainer", "viewer", "shaders"};
+
+TEST(Layers, NoIncludeGoesUp) {
+    EXPECT_TRUE(isEmpty(includesUp(readSources(kRoot, kCode, {".h", ".cpp"}))));
+}
+TEST(Layers, NoCycles) { EXPECT_TRUE(isEmpty(cycles(readSources(kRoot, kCode, {".h", ".cpp"})))); }
+TEST(Layers, FoldersAreSmall) { EXPECT_TRUE(isEmpty(crowded(kRoot, kFolders))); }
+
+TEST(Layers, EveryShaderSaysWhatItComputes) {
+    std::vector<std::string> silent;
+    for (const auto& [file, text] : readSources(kRoot, {"shaders"}, {".comp"}))
+        if (!saysWhatItComputes(text)) silent.push_back(file);
+    EXPECT_TRUE(isEmpty(silent));
+}
 
 TEST(Layers, NothingIsLeftForLater) {
     Sources sources = readSources(kRoot, {"engine", "nn", "trainer", "viewer", "shaders", "tests"},

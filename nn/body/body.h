@@ -13,25 +13,6 @@
 
 namespace doppel {
 
-// Labels of BodyModel::part; 0 is none of them.
-enum BodyPart : uint8_t {
-    kHead = 1,  // and neck
-    kTorso,
-    kLeftUpperArm,
-    kRightUpperArm,
-    kLeftForearm,
-    kRightForearm,
-    kLeftThigh,
-    kRightThigh,
-    kLeftCalf,
-    kRightCalf,
-    kLeftFoot,
-    kRightFoot,
-    kLeftHand,
-    kRightHand,
-    kBodyPartEnd,
-};
-
 // Rest pose: metres, y up, x to the body's left, z forward. C order.
 struct BodyModel {
     static constexpr int kJoints = kJointCount, kShapes = 10, kPoseFeatures = 9 * (kJoints - 1);

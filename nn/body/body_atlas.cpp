@@ -6,7 +6,7 @@
 #include <map>
 #include <numeric>
 
-#include "nn/body/body.h"
+#include "nn/body/joint.h"
 #include "nn/body/mesh_topology.h"
 
 namespace doppel {

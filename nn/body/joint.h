@@ -1,4 +1,4 @@
-// SMPL's 24 joints.
+// SMPL's 24 joints, and the parts of its surface.
 #pragma once
 
 #include <cstddef>
@@ -39,5 +39,24 @@ enum Number : size_t {
 
 constexpr int64_t kJointCount = joint::kCount;
 constexpr int64_t kThetaSize = 3 * kJointCount;  // theta: a rotation (axis-angle, rad) per joint
+
+// Labels of BodyModel::part; 0 is none of them.
+enum BodyPart : uint8_t {
+    kHead = 1,  // and neck
+    kTorso,
+    kLeftUpperArm,
+    kRightUpperArm,
+    kLeftForearm,
+    kRightForearm,
+    kLeftThigh,
+    kRightThigh,
+    kLeftCalf,
+    kRightCalf,
+    kLeftFoot,
+    kRightFoot,
+    kLeftHand,
+    kRightHand,
+    kBodyPartEnd,
+};
 
 }  // namespace doppel

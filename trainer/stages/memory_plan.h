@@ -1,7 +1,7 @@
 // Whether a run fits into the memory that it may use, before it begins.
 #pragma once
 
-#include "trainer/stages/train.h"
+#include "trainer/stages/stage.h"
 
 namespace doppel {
 
