@@ -265,11 +265,12 @@ const Kernel& Device::kernel(std::string_view name, const Specialisation& specia
         Specialisation complete = specialisation;
         if (kernelPath().onCpu && reflect(row.descriptors).constants.contains("kOnCpu"))
             complete["kOnCpu"] = 1;  // of shaders/common/op.glsl
-        checkKernel(info_, *row, descriptors, complete);
+        const bool descriptors = binding_ == Binding::Descriptors;
+        checkKernel(info_, row, descriptors, complete);
         found = kernels_
                     .emplace(std::move(key),
-                             std::make_unique<Kernel>(device_, pipelineCache_, row,
-                                                      binding_ == Binding::Descriptors, complete))
+                             std::make_unique<Kernel>(device_, pipelineCache_, row, descriptors,
+                                                      complete, !kernelPath().onCpu))
                     .first;
     }
     return *found->second;

@@ -213,7 +213,6 @@ std::vector<std::string> refusalsOf(const DeviceInfo& info) {
     if (info.api < VK_API_VERSION_1_2)
         refusals.push_back(fmt::format("Vulkan {} is older than 1.2", info.apiVersion));
     if (!info.scalarLayout) refusals.push_back("no scalarBlockLayout");
-    if (!info.int64) refusals.push_back("no 64-bit integers in shaders (shaderInt64)");
     if (info.maxWorkgroupInvocations < 256)
         refusals.push_back(fmt::format("workgroups of {} invocations at most; 256 are needed",
                                        info.maxWorkgroupInvocations));

@@ -2,6 +2,7 @@
 // Squares Generative Adversarial Networks, ICCV 2017, equation 2 without its factor of a half.
 // label is 1 for "real", 0 for "fake".
 #version 460
+// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "gan/params.h"

@@ -2,6 +2,7 @@
 // it is 0 ("fake"): -log D and -log(1 - D) with D = sigmoid(x), Goodfellow et al., Generative
 // Adversarial Nets, NIPS 2014, equation 1. dx = -sigmoid(-x), or sigmoid(x), times dloss / n.
 #version 460
+// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "gan/params.h"

@@ -6,6 +6,7 @@
 //     camera.
 // Joints in camera space (m). One workgroup: joints are few.
 #version 460
+// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "loss/params.h"

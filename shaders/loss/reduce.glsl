@@ -1,19 +1,22 @@
 // Sums in a fixed order: strided partial sums without barriers (which cost much on CPU devices),
 // then one workgroup adds those up as a tree, on a CPU its first subgroup lane by lane: a kernel
-// with barriers takes some 0.3 seconds longer to compile there. Descriptors, which are for tests,
-// keep to the tree.
+// with barriers takes some 0.3 seconds longer to compile there.
+#if CPU
 #extension GL_KHR_shader_subgroup_arithmetic : require
+#endif
 #extension GL_KHR_shader_subgroup_basic : require
 
 shared vec2 lanes[gl_WorkGroupSize.x];
 
+#if CPU
+uint sumLanes() { return gl_SubgroupSize; }
+vec2 workgroupSum(vec2 mine) { return subgroupAdd(mine); }
+#else
 // Lanes that share a sum.
-bool bySubgroup() { return kOnCpu && DESCRIPTORS == 0; }
-uint sumLanes() { return bySubgroup() ? gl_SubgroupSize : gl_WorkGroupSize.x; }
+uint sumLanes() { return gl_WorkGroupSize.x; }
 
 // The sum over those lanes, in the workgroup's first one.
 vec2 workgroupSum(vec2 mine) {
-    if (bySubgroup()) return subgroupAdd(mine);
     uint lane = localIndex();
     lanes[lane] = mine;
     barrier();
@@ -23,6 +26,7 @@ vec2 workgroupSum(vec2 mine) {
     }
     return lanes[0];
 }
+#endif
 
 // sum: of the buffer partial, in the workgroup's first lane.
 #define SUM_PARTIALS(sum)                                                \
