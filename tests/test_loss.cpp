@@ -34,14 +34,10 @@ Value binary(Shape shape, uint32_t seed) {
 
 constexpr int64_t kPartials = 1024;  // of nn/ops/loss.cpp: first sums, each of every 1024th pixel
 
-// Pixels at the edges of the first sums; wholes of the blocks of sixteen subgroups (the masked loss
-// takes these together), and an element less and more than they.
+// Pixels at the edges of the first sums.
 std::vector<Shape> sizes() {
-    constexpr int64_t kBlocks = 16 * kMaskBlocks * kBlockElements;
     std::vector<Shape> all{{1, 1}, {13, 1}, {37, 53}, {1, 127}, {64, 65}, {64, 96}};
     for (int64_t n : edgeSizes(kPartials)) all.push_back({1, n});
-    for (int64_t n : {kBlocks, 3 * kBlocks})
-        for (int64_t over : {-1, 0, 1}) all.push_back({n + over, 1});
     return all;
 }
 

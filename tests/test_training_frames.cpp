@@ -15,9 +15,9 @@ TEST(FrameSampler, ForetellsWhatItDraws) {
     for (std::vector<double> weights : {std::vector<double>{}, {1, 2, 3, 4, 5}}) {
         FrameSampler sampler(5, 7, weights);
         for (int round = 0; round < 4; ++round)
-            for (size_t count : {size_t{1}, size_t{3}, size_t{7}}) {
+            for (int count : {1, 3, 7}) {
                 std::vector<size_t> foretold = sampler.peek(count), drawn;
-                for (size_t i = 0; i < count; ++i) drawn.push_back(sampler.next());
+                for (int i = 0; i < count; ++i) drawn.push_back(sampler.next());
                 EXPECT_EQ(foretold, drawn);
             }
     }
