@@ -139,12 +139,14 @@ TEST_F(Refine, TheSameSeedGivesTheSameBytes) {
     }
     TrainOptions other = trainOptions({"refine"}, again);
     other.common.seed = 2;
+    other.restart = true;
     runTrain(other);
     EXPECT_NE(bytesOf(again / "refine_net.safetensors"),
               bytesOf(avatar() / "refine_net.safetensors"));
     // Training the coarse texture again makes the refinement of the old one void.
     TrainOptions texture = trainOptions({"texture"}, again);
     texture.preset.texture.steps = 1;
+    texture.restart = true;
     runTrain(texture);
     EXPECT_FALSE(fs::exists(again / "refine_net.safetensors"));
     EXPECT_FALSE(fs::exists(again / "texture_baked.png"));
@@ -163,6 +165,7 @@ TEST_F(Refine, AblationsAndOptions) {
     TrainOptions options = trainOptions({"refine"}, out);
     options.preset.refine.steps = 2;
     options.face = false;
+    options.restart = true;
     EXPECT_EQ(columns(options),
               "step,loss,reconstruction,misaligned,gan_image,discriminator_image");
     options.gan = false;
@@ -171,6 +174,7 @@ TEST_F(Refine, AblationsAndOptions) {
 
     // The program's variants, with a network in place of one coarse texture, and batches.
     options = trainOptions({"texture", "refine"}, out);
+    options.restart = true;
     options.preset.texture.steps = 2;
     options.preset.texture.constantInput = false;
     options.preset.refine.steps = 2;

@@ -388,7 +388,8 @@ TEST(RenderShots, DrawsOverTheBackgroundIntoAFolder) {
             renderShots(testDevice(), scene.avatar, shots, backdrop, scene.folder / "letters", 10,
                         "test");
         },
-        "letters: expected an empty folder or one with 0000.png");
+        "letters: expected an empty folder or one that Doppel wrote as render, which would be "
+        "replaced; found will.txt");
 }
 
 TEST(RenderShots, MakesAFilmOfTheSamePictures) {

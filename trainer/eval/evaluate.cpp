@@ -64,11 +64,6 @@ Evaluation evaluateCapture(Device& device, const Avatar& avatar, const Capture& 
                            const EvaluateSettings& settings) {
     capture.requireMasks();
     const std::filesystem::path& pictures = settings.pictures;
-    if (!pictures.empty()) {
-        std::vector<std::string> names;
-        for (const Frame& frame : capture.frames) names.push_back(frame.name + ".png");
-        claimFiles(pictures, "eval", names);
-    }
     FrameCache frames(capture);
     const Capture& whole = settings.plateOf ? *settings.plateOf : capture;
     std::optional<Background> background;
@@ -107,6 +102,11 @@ Evaluation evaluateCapture(Device& device, const Avatar& avatar, const Capture& 
         if (settings.videoFeatures) {
             realVideo.push_back(VideoFeatures::prepare(target, w, h));
             renderedVideo.push_back(VideoFeatures::prepare(render, w, h));
+        }
+        if (i == 0 && !pictures.empty()) {  // nothing is left where no frame could be evaluated
+            std::vector<std::string> names;
+            for (const Frame& each : capture.frames) names.push_back(each.name + ".png");
+            claimFiles(pictures, "eval", names);
         }
         if (!pictures.empty()) {
             writeImage(pictures / (frame.name + ".png"),
