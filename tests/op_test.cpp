@@ -232,6 +232,6 @@ int main(int argc, char** argv) {
     testing::UnitTest::GetInstance()->listeners().Append(new doppel::ValidationIsSilent);
     int failed = RUN_ALL_TESTS();
     doppel::devices.clear();
-    if (coverage && failed == 0 && testing::GTEST_FLAG(filter) == "*") writeCoverage(coverage);
+    if (coverage && failed == 0) writeCoverage(coverage);
     return failed;
 }
