@@ -106,14 +106,32 @@ Tensor convolve(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency
         // dz [V,2O]: what arrives at a vertex, and at its neighbours, for they are mutual.
         Tensor dz = graph.temporary({V, 2 * O});
         AggregateParams perVertex = params;
-        perVertex.byRow = divisorOf(uint64_t(O));
-        uint64_t invocations = uint64_t(V * O);
-        graph.dispatch("mesh/aggregate.backward_own", {{"y", y}, {"dy", dy}, {"dz", dz}}, perVertex,
-                       invocations, {{"kRelu", relu}});
-        graph.dispatch(
-            "mesh/aggregate.backward_neighbours",
-            {{"neighbourBegin", adjacency.begin}, {"neighbours", adjacency.neighbours}, {"dz", dz}},
-            perVertex, invocations);
+        const bool quads = O % 4 == 0 && row % 4 == 0;
+        // On CPUs many columns at a time, as in graphPanels().
+        int64_t columns = quads ? (graph.device().kernelPath().texels ? 32 : 4) : 1;
+        while (O % columns != 0) columns -= 4;
+        perVertex.byRow = divisorOf(uint64_t(O / columns));
+        const uint64_t invocations = uint64_t(V * (O / columns));
+        if (quads) {
+            const auto each = static_cast<uint32_t>(columns);
+            graph.dispatch("mesh/aggregate.backward_own_quads",
+                           {{"yQuads", y}, {"dyQuads", dy}, {"dzPairs", dz}}, perVertex,
+                           invocations, {{"kRelu", relu}, {"kColumns", each}});
+            graph.dispatch("mesh/aggregate.backward_neighbours_quads",
+                           {{"neighbourBegin", adjacency.begin},
+                            {"neighbours", adjacency.neighbours},
+                            {"dzQuads", dz},
+                            {"dzPairs", dz}},
+                           perVertex, invocations, {{"kColumns", each}});
+        } else {
+            graph.dispatch("mesh/aggregate.backward_own", {{"y", y}, {"dy", dy}, {"dz", dz}},
+                           perVertex, invocations, {{"kRelu", relu}});
+            graph.dispatch("mesh/aggregate.backward_neighbours",
+                           {{"neighbourBegin", adjacency.begin},
+                            {"neighbours", adjacency.neighbours},
+                            {"dz", dz}},
+                           perVertex, invocations);
+        }
         Tensor largest = largestMagnitude(graph, dz);
         if (graph.wantsGradient(x) && !*weights.stacked) {
             stackWeights(graph, weights);

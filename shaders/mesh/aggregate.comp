@@ -2,17 +2,25 @@
 // (W1 x_j + b1), spread over both products: dz_i = [dy_i | sum over the neighbours j of dy_j], for
 // neighbours are mutual. With kRelu dy counts where y > 0. mesh/graph_panels.comp is the way there.
 #version 460
+// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
+#include "common/loads.glsl"
 #include "mesh/params.h"
-PARAMS(AggregateParams, 5)
+PARAMS(AggregateParams, 9)
 BUFFER(0, readonly, int, neighbourBegin); // [V+1]
 BUFFER(1, readonly, int, neighbours);     // [2E]
 BUFFER(2, readonly, float, y);            // [V,row] O results and whatever follows
 BUFFER(3, readonly, float, dy);           // [V,row]
 BUFFER(4, readwrite, float, dz);          // [V,2O] from itself, from neighbours
 
+QUADS(5, yQuads);                         // the same as y, dy and dz
+QUADS(6, dyQuads);
+QUADS(7, dzQuads);
+BUFFER(8, writeonly, Pair, dzPairs);
+
 layout(constant_id = 1) const bool kRelu = false;
+layout(constant_id = 2) const uint kColumns = 4;  // of an invocation that takes quads
 
 // One invocation per vertex and column.
 ENTRY(backward_own) {
@@ -33,4 +41,40 @@ ENTRY(backward_neighbours) {
     for (int n = neighbourBegin.d[v]; n < end; ++n)
         sum += dz.d[neighbours.d[n] * params.xRow + column];
     dz.d[v * params.xRow + params.outputs + column] = sum;
+}
+
+// The same four columns at a time, for rows and results that are multiples of four; kColumns of them
+// per invocation, each of which reads the list of neighbours for itself.
+const uint kQuads = kColumns / 4;
+
+void storeQuad(uint element, vec4 value) {
+    dzPairs.d[element / 2] = packPair(value.xy);
+    dzPairs.d[element / 2 + 1] = packPair(value.zw);
+}
+
+ENTRY(backward_own_quads) {
+    uint i = linearIndex(), pieces = params.outputs / kColumns;
+    if (i >= params.vertices * pieces) return;
+    uint v = quotient(i, params.byRow), column = remainder(i, v, params.byRow) * kColumns;
+    uint from = (v * params.row + column) / 4, to = v * params.xRow + column;
+    [[unroll]] for (uint k = 0; k < kQuads; ++k) {
+        vec4 d = quadAt(dyQuads, from + k);
+        if (kRelu) d = mix(vec4(0), d, greaterThan(quadAt(yQuads, from + k), vec4(0)));
+        storeQuad(to + 4 * k, d);
+    }
+}
+
+ENTRY(backward_neighbours_quads) {
+    uint i = linearIndex(), pieces = params.outputs / kColumns;
+    if (i >= params.vertices * pieces) return;
+    uint v = quotient(i, params.byRow), column = remainder(i, v, params.byRow) * kColumns;
+    vec4 sum[kQuads];
+    [[unroll]] for (uint k = 0; k < kQuads; ++k) sum[k] = vec4(0);
+    int end = neighbourBegin.d[v + 1];
+    for (int n = neighbourBegin.d[v]; n < end; ++n) {
+        uint at = (neighbours.d[n] * params.xRow + column) / 4;
+        [[unroll]] for (uint k = 0; k < kQuads; ++k) sum[k] += quadAt(dzQuads, at + k);
+    }
+    uint to = v * params.xRow + params.outputs + column;
+    [[unroll]] for (uint k = 0; k < kQuads; ++k) storeQuad(to + 4 * k, sum[k]);
 }
