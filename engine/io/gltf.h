@@ -56,7 +56,7 @@ std::vector<uint32_t> fillMesh(GltfScene& scene, std::span<const float> verts,
                                std::span<const float> uvs, std::span<const int32_t> facesUv,
                                std::span<const float> weights, int joints);
 
-// Appears whole or not at all (engine/atomic_file.h); the same scene gives the same bytes.
+// Appears whole or not at all (engine/files/atomic_file.h); the same scene gives the same bytes.
 // InputError: the name does not end with .glb, or a value in the scene is not finite. Sizes that do
 // not fit each other are our own bug (CHECK).
 void writeGlb(const std::filesystem::path& path, const GltfScene& scene);

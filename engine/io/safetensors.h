@@ -40,7 +40,7 @@ Safetensors safetensorsFromBytes(std::span<const uint8_t> file, const std::strin
                                  OtherTypes others = OtherTypes::refuse);
 
 // In the order of the names; the same tensors give the same bytes. Appears whole or not at all
-// (engine/atomic_file.h).
+// (engine/files/atomic_file.h).
 void writeSafetensors(const std::filesystem::path& path, const Safetensors& content);
 
 }  // namespace doppel

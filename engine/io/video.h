@@ -17,7 +17,7 @@ namespace doppel {
 //     for (const Image& frame : frames) video.add(frame);
 //     video.finish();
 //
-// Without finish() nothing is left (engine/atomic_file.h). Errors: InputError for a name that does
+// Without finish() nothing is left (engine/files/atomic_file.h). Errors: InputError for a name that does
 // not end with .mp4 or a rate that is none; MachineError where encoding or writing fails.
 class VideoWriter {
 public:
