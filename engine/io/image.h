@@ -57,8 +57,8 @@ Image decodeMask(std::span<const uint8_t> file, const std::string& name);
 ImageSize imageSize(const std::filesystem::path& path);
 
 // *.png (without loss) or *.jpg (quality 95, without alpha); another extension is an InputError.
-// The file appears whole or not at all (engine/files/atomic_file.h). The same picture gives the same
-// bytes.
+// The file appears whole or not at all (engine/files/atomic_file.h). The same picture gives the
+// same bytes.
 void writeImage(const std::filesystem::path& path, const Image& image);
 std::vector<uint8_t> encodePng(const Image& image);
 

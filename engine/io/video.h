@@ -17,8 +17,8 @@ namespace doppel {
 //     for (const Image& frame : frames) video.add(frame);
 //     video.finish();
 //
-// Without finish() nothing is left (engine/files/atomic_file.h). Errors: InputError for a name that does
-// not end with .mp4 or a rate that is none; MachineError where encoding or writing fails.
+// Without finish() nothing is left (engine/files/atomic_file.h). Errors: InputError for a name that
+// does not end with .mp4 or a rate that is none; MachineError where encoding or writing fails.
 class VideoWriter {
 public:
     // framesPerSecond in (0, 1000]. An odd side gets one more column or row, a copy of the last,

@@ -168,7 +168,7 @@ struct CommandLine {
             "  doppel render avatar --motion other-capture --out dance.mp4\n"
             "\n`doppel COMMAND --help` tells more. Exit status: 0 done, 1 it failed, 2 the input "
             "or\n"
-            "the flags are wrong, 130 interrupted.");
+            "the flags are wrong, 130, 143 or 129 stopped by Ctrl-C, SIGTERM or SIGHUP.");
         // Options are bound to where they are: in a map's nodes, which stay.
         for (const CommandEntry& entry : CommandEntry::all())
             commands.try_emplace(entry.name, app, entry);

@@ -165,11 +165,12 @@ void declareFlags(CommandFlags& flags, TrainOptions& o) {
         "as well; refuse to start one");
     flags
         ->add_flag("--restart", o.restart,
-                   "Start over where an unfinished run is in the avatar's folder")
+                   "Start over where an unfinished run or a finished training is in the avatar's "
+                   "folder; without it a finished one stays as it is")
         ->excludes(resume);
     flags
         ->add_option("--checkpoint-every", o.checkpointSeconds,
-                     "Seconds between checkpoints; 0: only at Ctrl-C")
+                     "Seconds between checkpoints; 0: only when it is stopped")
         ->capture_default_str()
         ->check(CLI::NonNegativeNumber);
     flags
