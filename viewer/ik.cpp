@@ -65,7 +65,7 @@ constexpr double kFirstSlip = .01, kAtRest = 1e-9;
 
 constexpr double kLeastGain = 1e-11;  // square metres, with which a step is worth another
 constexpr double kLongestTurn = .5;   // radians per step and number
-constexpr int kMostUnknowns = 3 + 3 * 24;
+constexpr int kMostUnknowns = 3 + static_cast<int>(kThetaSize);
 // A straight limb does not know which way to give: its hinge is bent by so little first.
 // One that a capture bent backwards by less than this is put right when it is asked to give; by
 // more, it stays.
@@ -145,10 +145,10 @@ public:
 
 private:
     struct State {
-        std::array<glm::dquat, 24> turn;  // in the parent's frame
+        std::array<glm::dquat, joint::kCount> turn;  // in the parent's frame
         glm::dvec3 trans;
-        std::array<glm::dquat, 24> global;
-        std::array<glm::dvec3, 24> position;
+        std::array<glm::dquat, joint::kCount> global;
+        std::array<glm::dvec3, joint::kCount> position;
     };
 
     void place(State& state) const {
@@ -180,7 +180,7 @@ private:
     }
 
     void findMovers() {
-        std::array<bool, 24> turns{};
+        std::array<bool, joint::kCount> turns{};
         bool legPinned = false, pelvisPinned = false, pelvisMoves = false, pelvisDragged = false;
         const auto markAncestors = [&](size_t j) {
             for (int at = skeleton_.parents[j]; at > 0; at = skeleton_.parents[size_t(at)])
@@ -506,8 +506,8 @@ private:
     std::vector<glm::dvec3> aims_;  // targets and what was added to them
     std::vector<Mover> movers_;
     std::vector<IkTarget> shakenPins_;
-    std::array<glm::dquat, 24> began_, startTurn_;
-    std::array<glm::dvec3, 24> beganRotation_;
+    std::array<glm::dquat, joint::kCount> began_, startTurn_;
+    std::array<glm::dvec3, joint::kCount> beganRotation_;
     glm::dvec3 beganTrans_;
     State now_;
     int unknowns_ = 0;
@@ -518,7 +518,7 @@ private:
 }  // namespace
 
 IkTarget pinnedAt(const PosedSkeleton& posed, size_t joint) {
-    CHECK(joint < joint::kCount, "joint {} is one of 24", joint);
+    CHECK(joint < joint::kCount, "joint {} is one of {}", joint, kJointCount);
     return {joint, posed.position[joint], 100, true, posed.rotation[joint]};
 }
 
@@ -527,7 +527,7 @@ Pose solveIk(const Skeleton& skeleton, const Pose& start, std::span<const IkTarg
     const Pose& began = options.began ? *options.began : start;
     if (!isFinite(start) || !isFinite(began)) return start;
     for (const IkTarget& target : targets) {
-        CHECK(target.joint < joint::kCount, "joint {} is one of 24", target.joint);
+        CHECK(target.joint < joint::kCount, "joint {} is one of {}", target.joint, kJointCount);
         if (!isFinite(target.position) || !(target.weight > 0) || !std::isfinite(target.weight))
             return start;
     }

@@ -4,6 +4,7 @@
 #include <cstring>
 #include <glm/gtc/quaternion.hpp>
 
+#include "engine/files/numbers.h"
 #include "nn/ops/body.h"
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/avatar/networks.h"
@@ -38,7 +39,7 @@ struct Scene::Posing {
 
     Posing(Device& device, const Avatar& avatar, MeshKind kind) : graph(device), shape(device) {
         const BodyModel& body = avatar.body;
-        theta = graph.input({72});
+        theta = graph.input({kThetaSize});
         trans = graph.input({3});
         beta = graph.input({10});
         Tensor rest =
@@ -107,7 +108,6 @@ struct Scene::Drawing {
         const BodyModel& body = avatar.body;
         const int64_t size = avatar.textureSize;
         const Shape meshShape{body.vertexCount, 3};
-        auto u = [](int64_t value) { return static_cast<uint32_t>(value); };
         Tensor world = graph.attach({&posing.verts, 0, posing.verts.bytes()}, meshShape);
         Tensor normals = graph.attach({&posing.normals, 0, posing.normals.bytes()}, meshShape);
         Tensor tex = graph.attach({&texture, 0, texture.bytes()}, {size, size}, ElementType::I32);
@@ -128,12 +128,12 @@ struct Scene::Drawing {
         }
         picture = graph.temporary({key.height, key.width}, ElementType::I32);
         Tensor marks = marksOf(avatar), corners = cornerUvs(body);
-        ShadeParams params{u(key.width), u(key.height),           u(size),
-                           u(key.inset), key.blueFirst ? 1u : 0u, divisorOf(u(key.width))};
+        ShadeParams params{u32(key.width), u32(key.height),         u32(size),
+                           u32(key.inset), key.blueFirst ? 1u : 0u, divisorOf(u32(key.width))};
         Specialisation spec{{"paint", key.paint},
                             {"lit", key.lit ? 1u : 0u},
                             {"wireframe", key.wireframe ? 1u : 0u},
-                            {"samples", u(key.samples)},
+                            {"samples", u32(key.samples)},
                             {"keys", seen.keys ? 1u : 0u}};
         graph.beginOp("shade");
         Tensor spans = seenSpans(graph, seen, key.height, key.width, key.samples);
@@ -155,7 +155,7 @@ struct Scene::Drawing {
         if (key.inset > 0)
             graph.dispatch("view/shade.inset",
                            {{"tex", tex}, {"visibility", map}, {"picture", picture}}, params,
-                           uint64_t{u(key.inset)} * u(key.inset), spec);
+                           uint64_t{u32(key.inset)} * u32(key.inset), spec);
         graph.output(picture);
         graph.compile();
     }

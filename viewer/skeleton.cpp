@@ -191,7 +191,7 @@ PosedSkeleton forwardKinematics(const Skeleton& skeleton, const Pose& pose) {
 
 Pose rotateJoint(const Skeleton& skeleton, const Pose& pose, size_t joint, const glm::dvec3& axis,
                  double angle) {
-    CHECK(joint < joint::kCount, "joint {} is one of 24", joint);
+    CHECK(joint < joint::kCount, "joint {} is one of {}", joint, kJointCount);
     const double length = glm::length(axis);
     if (!std::isfinite(angle) || !std::isfinite(length) || length == 0) return pose;
     glm::dvec3 local = axis / length;
@@ -208,7 +208,7 @@ Pose rotateJoint(const Skeleton& skeleton, const Pose& pose, size_t joint, const
 }
 
 Pose resetJoint(const Pose& pose, size_t joint, const Pose& original) {
-    CHECK(joint < joint::kCount, "joint {} is one of 24", joint);
+    CHECK(joint < joint::kCount, "joint {} is one of {}", joint, kJointCount);
     Pose result = pose;
     result.rotation[joint] = original.rotation[joint];
     if (joint == joint::kPelvis) result.trans = original.trans;
@@ -234,7 +234,7 @@ Pose mirrored(const Pose& pose) {
 // ---- limits -------------------------------------------------------------------------------------
 
 glm::dquat clampJoint(size_t joint, const glm::dquat& rotation, const glm::dquat& began) {
-    CHECK(joint < joint::kCount, "joint {} is one of 24", joint);
+    CHECK(joint < joint::kCount, "joint {} is one of {}", joint, kJointCount);
     if (joint == joint::kPelvis) return rotation;
     const JointRange& range = rangeOf(joint);
     const SwingTwist found = takeApart(range, asLeft(joint, rotation));
@@ -263,7 +263,7 @@ glm::dquat clampJoint(size_t joint, const glm::dquat& rotation, const glm::dquat
 
 std::array<double, 3> beyondLimits(size_t joint, const glm::dquat& rotation,
                                    const glm::dquat& began) {
-    CHECK(joint < joint::kCount, "joint {} is one of 24", joint);
+    CHECK(joint < joint::kCount, "joint {} is one of {}", joint, kJointCount);
     constexpr double kNever = -180 * kDegree;
     if (joint == joint::kPelvis) return {kNever, kNever, kNever};
     const JointRange& range = rangeOf(joint);

@@ -17,8 +17,8 @@ namespace doppel {
 
 // Joints of the unposed body, metres: y up, x to the body's left, z forward.
 struct Skeleton {
-    std::array<int, 24> parents;  // −1 for the pelvis, else less than the joint
-    std::array<glm::dvec3, 24> rest;
+    std::array<int, joint::kCount> parents;  // −1 for the pelvis, else less than the joint
+    std::array<glm::dvec3, joint::kCount> rest;
 
     // Whether `joint` is `root` or hangs on it.
     bool hangsOn(size_t joint, size_t root) const;
@@ -26,8 +26,8 @@ struct Skeleton {
 Skeleton skeletonOf(const BodyModel& body, const Betas& betas);
 
 struct Pose {
-    std::array<glm::dvec3, 24> rotation{};  // axis-angle, each in its parent's frame
-    glm::dvec3 trans{};                     // metres
+    std::array<glm::dvec3, joint::kCount> rotation{};  // axis-angle, each in its parent's frame
+    glm::dvec3 trans{};                                // metres
     bool operator==(const Pose&) const = default;
 };
 Pose poseOf(const Theta& theta, const Trans& trans);
@@ -36,8 +36,8 @@ Trans transOf(const Pose& pose);
 bool isFinite(const Pose& pose);
 
 struct PosedSkeleton {
-    std::array<glm::dvec3, 24> position;
-    std::array<glm::dmat3, 24> rotation;  // of the joint's frame, G_j
+    std::array<glm::dvec3, joint::kCount> position;
+    std::array<glm::dmat3, joint::kCount> rotation;  // of the joint's frame, G_j
 };
 PosedSkeleton forwardKinematics(const Skeleton& skeleton, const Pose& pose);
 

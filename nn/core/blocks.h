@@ -3,6 +3,7 @@
 
 #include "common/blocks.h"
 #include "engine/device.h"
+#include "engine/files/numbers.h"
 #include "engine/recorder.h"
 
 namespace doppel {
@@ -40,7 +41,7 @@ inline Places placesOf(const Device& device, uint64_t n, Specialisation spec = {
     spec["local_size"] = lanes * together;
     spec["kLanes"] = lanes;
     spec["kDigits"] = blockDigits(subgroups);
-    return {.groups = {static_cast<uint32_t>(subgroups / together), 1, 1}, .spec = std::move(spec)};
+    return {.groups = {u32(subgroups / together), 1, 1}, .spec = std::move(spec)};
 }
 
 }  // namespace doppel

@@ -247,8 +247,7 @@ void Graph::accumulateGradients() {
         const auto n = static_cast<uint64_t>(total.elements());
         const Places places = placesOf(device_, n);
         dispatchGroups("elementwise/add.into", {{"total", total}, {"more", more}},
-                       ElementParams{static_cast<uint32_t>(n)}, places.groups, places.spec,
-                       places.invocations);
+                       ElementParams{u32(n)}, places.groups, places.spec, places.invocations);
     }
     pendingSums_.clear();
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "body/params.h"
+#include "engine/files/numbers.h"
 #include "nn/body/mesh_topology.h"
 #include "nn/core/op.h"
 #include "nn/ops/linalg.h"
@@ -14,9 +15,7 @@ namespace {
 constexpr int64_t kJoints = BodyModel::kJoints, kShapes = BodyModel::kShapes;
 constexpr int64_t kPoseFeatures = BodyModel::kPoseFeatures;
 
-uint32_t chunksOf(int64_t rows) {
-    return static_cast<uint32_t>((rows + kBodyChunk - 1) / kBodyChunk);
-}
+uint32_t chunksOf(int64_t rows) { return u32((rows + kBodyChunk - 1) / kBodyChunk); }
 
 // Sums over the rows of [rows,columns].
 Tensor sumRows(Graph& graph, const Tensor& x, int64_t rows, int64_t columns) {
@@ -41,7 +40,7 @@ void addEntries(Graph& graph, LbsModel& model, const std::vector<int32_t>& joint
         }
         jointChunks.push_back(static_cast<int32_t>(chunkBegin.size() - 1));
     }
-    model.entryChunks = static_cast<uint32_t>(chunkBegin.size() - 1);
+    model.entryChunks = u32(chunkBegin.size() - 1);
     model.weightJoints =
         graph.constant(std::span<const int32_t>(joints), {model.vertexCount, model.influences});
     model.entries = listConstant(graph, entries);
@@ -83,7 +82,7 @@ struct Posing {
 
 Posing posing(Graph& graph, const LbsModel& model, const ShapedBody& shaped, const Tensor& theta,
               const Tensor& trans, const ListedRows& rows) {
-    auto vertices = static_cast<uint32_t>(model.vertexCount);
+    auto vertices = u32(model.vertexCount);
     BodyParams params{vertices, model.influences, 0};
     Shape shape = shaped.verts.shape;
     bool blends = static_cast<bool>(model.poseDirections);
@@ -126,7 +125,7 @@ ShapedBody shaping(Graph& graph, const LbsModel& model, const Tensor& templateVe
                    const Tensor& beta) {
     CHECK(templateVerts.shape == Shape({model.vertexCount, 3}), "the template has the body's {}",
           toString({model.vertexCount, 3}));
-    auto vertices = static_cast<uint32_t>(model.vertexCount);
+    auto vertices = u32(model.vertexCount);
     BodyParams params{vertices, model.influences, 0};
     ShapedBody shaped{graph.temporary(templateVerts.shape), graph.temporary({kJoints, 3})};
     graph.dispatch("body/shape.forward",
@@ -183,7 +182,7 @@ LbsModel lbsModel(Graph& graph, const BodyModel& body) {
                 weights[k] = body.weights[v * joints + j];
                 weightJoints[k++] = static_cast<int32_t>(j);
             }
-    model.influences = static_cast<uint32_t>(influences);
+    model.influences = u32(influences);
     model.weights = graph.constant(weights, {body.vertexCount, model.influences});
     addEntries(graph, model, weightJoints, [&](size_t i) { return isThere(weights[i]); });
 
@@ -205,7 +204,7 @@ PosedBody lbs(Graph& graph, const LbsModel& model, const Tensor& templateVerts, 
               const Tensor& beta, const Tensor& trans) {
     CHECK(theta.elements() == 3 * kJoints && beta.elements() == kShapes && trans.elements() == 3,
           "theta has 72 numbers, beta 10, trans 3");
-    auto vertices = static_cast<uint32_t>(model.vertexCount);
+    auto vertices = u32(model.vertexCount);
     BodyParams params{vertices, model.influences, 0};
     bool blends = static_cast<bool>(model.poseDirections);
     graph.beginOp("lbs");
@@ -307,7 +306,7 @@ Tensor rigidTransform(Graph& graph, const Tensor& verts, const Tensor& rotation,
     CHECK(verts.shape.size() == 2 && verts.dim(1) == 3, "vertices have the shape [V,3]");
     CHECK(rotation.elements() == 3 && pivot.elements() == 3 && trans.elements() == 3,
           "rotation, pivot and trans have three numbers");
-    auto vertices = static_cast<uint32_t>(verts.dim(0));
+    auto vertices = u32(verts.dim(0));
     BodyParams params{vertices, 0, chunksOf(vertices)};
     Tensor y = graph.temporary(verts.shape);
     graph.beginOp("rigid_transform");

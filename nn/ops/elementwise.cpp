@@ -4,6 +4,7 @@
 
 #include "common/pairs.h"
 #include "elementwise/params.h"
+#include "engine/files/numbers.h"
 #include "nn/core/op.h"
 #include "nn/core/places.h"
 
@@ -11,7 +12,7 @@ namespace doppel {
 
 namespace {
 
-uint32_t count(const Tensor& x) { return static_cast<uint32_t>(x.elements()); }
+uint32_t count(const Tensor& x) { return u32(x.elements()); }
 uint64_t elements(const Tensor& x) { return static_cast<uint64_t>(x.elements()); }
 uint64_t pairs(const Tensor& x) { return pairInvocations(elements(x)); }
 
@@ -131,11 +132,7 @@ namespace {
 // One side of a concatenation, forward or backward.
 void concatPart(Graph& graph, bool backward, const Tensor& part, const Tensor& y, const Tensor& dy,
                 int64_t inner, int64_t innerAll, int64_t start, bool rectified) {
-    ConcatParams params{count(part),
-                        static_cast<uint32_t>(innerAll),
-                        static_cast<uint32_t>(start),
-                        divisorOf(uint64_t(inner)),
-                        {}};
+    ConcatParams params{count(part), u32(innerAll), u32(start), divisorOf(uint64_t(inner)), {}};
     auto multiplesOf = [&](int64_t n) {
         return inner % n == 0 && innerAll % n == 0 && start % n == 0;
     };

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "engine/files/numbers.h"
 #include "features/params.h"
 #include "nn/core/op.h"
 #include "nn/ops/conv/conv.h"
@@ -9,8 +10,6 @@
 namespace doppel {
 
 namespace {
-
-uint32_t u32(int64_t value) { return static_cast<uint32_t>(value); }
 
 void checkSize(const Tensor& x) {
     CHECK(x.elements() < (int64_t{1} << 31), "{} has less than 2^31 elements", toString(x.shape));

@@ -4,6 +4,7 @@
 #include <array>
 #include <span>
 
+#include "engine/files/numbers.h"
 #include "fit/params.h"
 #include "nn/core/op.h"
 
@@ -11,13 +12,12 @@ namespace doppel {
 
 Tensor selectRow(Graph& graph, const Tensor& table, const Tensor& index, uint32_t word,
                  int32_t offset) {
-    CHECK(word < static_cast<uint32_t>(index.elements()), "index has an element {}", word);
+    CHECK(word < u32(index.elements()), "index has an element {}", word);
     Tensor row = graph.temporary({table.dim(1)});
     graph.beginOp("select_row");
-    auto length = static_cast<uint32_t>(table.dim(1));
+    auto length = u32(table.dim(1));
     graph.dispatch("fit/select_row.forward", {{"table", table}, {"index", index}, {"row", row}},
-                   SelectRowParams{static_cast<uint32_t>(table.dim(0)), length, word, offset},
-                   length);
+                   SelectRowParams{u32(table.dim(0)), length, word, offset}, length);
     return row;
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "common/panels.h"
+#include "engine/files/numbers.h"
 #include "linalg/params.h"
 #include "nn/core/op.h"
 #include "nn/core/tuning.h"
@@ -10,11 +11,6 @@
 namespace doppel {
 
 namespace {
-
-uint32_t u32(int64_t value) {
-    CHECK(value >= 0 && value < (int64_t{1} << 32), "{} fits into 32 bits", value);
-    return static_cast<uint32_t>(value);
-}
 
 int64_t ceilDiv(int64_t a, int64_t b) { return (a + b - 1) / b; }
 

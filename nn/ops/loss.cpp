@@ -1,6 +1,7 @@
 #include "nn/ops/loss.h"
 
 #include "common/pairs.h"
+#include "engine/files/numbers.h"
 #include "loss/params.h"
 #include "nn/core/op.h"
 #include "nn/ops/raster.h"
@@ -8,8 +9,6 @@
 namespace doppel {
 
 namespace {
-
-uint32_t u32(int64_t value) { return static_cast<uint32_t>(value); }
 
 // First sums of a reduction: enough to fill a device, few enough for one workgroup to add up.
 constexpr uint32_t kPartials = 1024;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "engine/files/numbers.h"
 #include "mesh/params.h"
 #include "nn/core/op.h"
 #include "nn/ops/linalg.h"
@@ -15,7 +16,7 @@ void checkVerts(const Tensor& verts, const MeshTensors& mesh) {
           toString({mesh.vertexCount, 3}));
 }
 
-uint32_t vertexCountOf(const MeshTensors& mesh) { return static_cast<uint32_t>(mesh.vertexCount); }
+uint32_t vertexCountOf(const MeshTensors& mesh) { return u32(mesh.vertexCount); }
 
 // Sum of the first n numbers of x, always added up in the same order. Result [].
 Tensor sum(Graph& graph, const Tensor& x, uint32_t n) {
@@ -41,8 +42,7 @@ Tensor graphPanels(Graph& graph, const Tensor& x, const AdjacencyTensors& adjace
     // itself.
     int64_t columns = onCpu && quads ? 44 : 4;
     while (H % columns != 0) columns -= 4;
-    GraphPanelsParams params{static_cast<uint32_t>(vertices), static_cast<uint32_t>(w.inputs),
-                             static_cast<uint32_t>(w.row), static_cast<uint32_t>(H),
+    GraphPanelsParams params{u32(vertices), u32(w.inputs), u32(w.row), u32(H),
                              divisorOf(uint64_t(H / columns))};
     dispatchRows(graph, "mesh/graph_panels.gather", list,
                  {{"x", x},
@@ -52,17 +52,13 @@ Tensor graphPanels(Graph& graph, const Tensor& x, const AdjacencyTensors& adjace
                   {"panels", panels},
                   {"listed", list.list(graph)}},
                  params, static_cast<uint64_t>((vertices + 1) / 2 * (H / columns)),
-                 static_cast<uint32_t>(kRowsListed / 2 * (H / columns)),
-                 {{"kRows", static_cast<uint32_t>(rows)},
-                  {"kColumns", static_cast<uint32_t>(columns)},
-                  {"kQuads", quads}});
+                 u32(kRowsListed / 2 * (H / columns)),
+                 {{"kRows", u32(rows)}, {"kColumns", u32(columns)}, {"kQuads", quads}});
     return panels;
 }
 
 StackParams stackParams(const GraphConvWeights& w, int64_t by) {
-    return {static_cast<uint32_t>(w.outputs), static_cast<uint32_t>(w.inputs),
-            static_cast<uint32_t>(w.row), static_cast<uint32_t>(w.halfColumns),
-            divisorOf(uint64_t(by))};
+    return {u32(w.outputs), u32(w.inputs), u32(w.row), u32(w.halfColumns), divisorOf(uint64_t(by))};
 }
 
 void stackWeights(Graph& graph, const GraphConvWeights& w) {
@@ -78,9 +74,8 @@ Tensor convolve(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency
     int64_t V = x.dim(0), O = weights.outputs, row = tail ? rowWithTail(O) : O;
     CHECK(x.dim(1) == weights.row, "x {} fits weights for rows of {}", toString(x.shape),
           weights.row);
-    auto vertices = static_cast<uint32_t>(V);
-    AggregateParams params{vertices, static_cast<uint32_t>(O), static_cast<uint32_t>(2 * O),
-                           static_cast<uint32_t>(row)};
+    auto vertices = u32(V);
+    AggregateParams params{vertices, u32(O), u32(2 * O), u32(row)};
     bool relu = bool(tail);
     Tensor y = graph.temporary({V, row});
     Gemm product{.m = V,
@@ -113,7 +108,7 @@ Tensor convolve(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency
         perVertex.byRow = divisorOf(uint64_t(O / columns));
         const uint64_t invocations = uint64_t(V * (O / columns));
         if (quads) {
-            const auto each = static_cast<uint32_t>(columns);
+            const auto each = u32(columns);
             graph.dispatch("mesh/aggregate.backward_own_quads",
                            {{"yQuads", y}, {"dyQuads", dy}, {"dzPairs", dz}}, perVertex,
                            invocations, {{"kRelu", relu}, {"kColumns", each}});
@@ -218,7 +213,7 @@ Tensor laplacianLoss(Graph& graph, const Tensor& verts, const MeshTensors& mesh)
 
 Tensor normalConsistencyLoss(Graph& graph, const Tensor& verts, const MeshTensors& mesh) {
     checkVerts(verts, mesh);
-    auto faces = static_cast<uint32_t>(mesh.faceCount);
+    auto faces = u32(mesh.faceCount);
     MeshParams params{faces, mesh.pairCount > 0 ? 1.0f / static_cast<float>(mesh.pairCount) : 0.0f};
     uint32_t rows = std::max(faces, 1u);  // a buffer is never empty
     Tensor units = graph.temporary({rows, 4}), terms = graph.temporary({rows});
@@ -254,7 +249,7 @@ Tensor normalConsistencyLoss(Graph& graph, const Tensor& verts, const MeshTensor
 
 Tensor offsetClamp(Graph& graph, const Tensor& verts, const Tensor& offset, const Tensor& limit,
                    const ListedRows& rows) {
-    auto vertices = static_cast<uint32_t>(verts.dim(0));
+    auto vertices = u32(verts.dim(0));
     CHECK(verts.shape == Shape({vertices, 3}) && offset.shape == verts.shape &&
               limit.elements() == vertices,
           "verts and offset have the shape [V,3], limit [V]");
@@ -341,10 +336,9 @@ Tensor withTail(Graph& graph, const Tensor& x, int64_t columns, const Tensor& ta
                 const ListedRows& rows) {
     CHECK(columns == 0 || (x.dim(0) == tail.dim(0) && columns <= x.dim(1)),
           "x has the columns that are kept, and as many rows as the tail");
-    auto vertices = static_cast<uint32_t>(tail.dim(0));
-    AggregateParams params{
-        vertices, static_cast<uint32_t>(columns), static_cast<uint32_t>(x ? x.dim(1) : 0),
-        static_cast<uint32_t>(rowWithTail(columns)), divisorOf(uint64_t(rowWithTail(columns) / 4))};
+    auto vertices = u32(tail.dim(0));
+    AggregateParams params{vertices, u32(columns), u32(x ? x.dim(1) : 0), u32(rowWithTail(columns)),
+                           divisorOf(uint64_t(rowWithTail(columns) / 4))};
     Tensor y = graph.temporary({vertices, params.row});
     graph.beginOp("with_tail");
     Tensor listed = rows.list(graph);

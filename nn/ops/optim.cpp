@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "engine/files/numbers.h"
 #include "nn/core/op.h"
 #include "nn/core/places.h"
 #include "nn/ops/linalg.h"
@@ -12,15 +13,7 @@ namespace doppel {
 namespace {
 
 AdamWParams paramsOf(const AdamWOptions& o, int64_t n, int64_t rows) {
-    return {static_cast<uint32_t>(n),
-            static_cast<uint32_t>(rows),
-            o.beta1,
-            o.beta2,
-            o.epsilon,
-            o.weightDecay,
-            o.rateScale,
-            0,
-            {}};
+    return {u32(n), u32(rows), o.beta1, o.beta2, o.epsilon, o.weightDecay, o.rateScale, 0, {}};
 }
 
 Tensor whole(Graph& graph, const Parameters& parameters, Parameters::Section section) {
@@ -39,7 +32,7 @@ void clearPadding(Graph& graph, const Parameters& parameters) {
     }
     if (padding.empty()) return;
     auto count = static_cast<int64_t>(padding.size());
-    ClipParams params{static_cast<uint32_t>(count), 0, 0};
+    ClipParams params{u32(count), 0, 0};
     graph.dispatch("optim/clip.clear_padding",
                    {{"elements", whole(graph, parameters, Parameters::kGradient)},
                     {"padding", graph.constant(std::span<const int32_t>(padding), {count})}},
@@ -50,7 +43,7 @@ void dispatchAdamW(Graph& graph, const Tensor& value, const Tensor& gradient, co
                    const Tensor& moment2, const Tensor& step, const AdamWOptions& options) {
     auto dispatch = [&](int64_t first, int64_t n) {
         AdamWParams params = paramsOf(options, n, 1);
-        params.firstPair = static_cast<uint32_t>(first / 2);
+        params.firstPair = u32(first / 2);
         dispatchPlaces(graph, "optim/adamw.all",
                        {{"values", value},
                         {"gradients", gradient},
@@ -115,7 +108,7 @@ void adamwRow(Graph& graph, const Tensor& table, const Tensor& gradient, const T
 
 Tensor clipNorm(Graph& graph, const Tensor& gradient, float maxNorm) {
     constexpr uint32_t kPartLength = 512;
-    auto n = static_cast<uint32_t>(gradient.elements());
+    auto n = u32(gradient.elements());
     uint32_t parts = (n + kPartLength - 1) / kPartLength;
     ClipParams params{n, parts, maxNorm};
     Tensor partial = graph.temporary({parts}), squares = graph.temporary({1}),
@@ -179,7 +172,7 @@ static const Op kAdamW{{
             Tensor m = zeros(graph, value.shape), v = zeros(graph, value.shape);
             for (int64_t s = 0; s < c["grad"].dim(0); ++s) {
                 graph.copy(c["grad"].slice(s, 1).reshaped(g.shape), g);
-                StepParams step = adamwStepParams(static_cast<uint32_t>(s + 1), c.f("lr"), options);
+                StepParams step = adamwStepParams(u32(s + 1), c.f("lr"), options);
                 dispatchAdamW(graph, value, g, m, v, stepConstant(graph, step), options);
             }
             c.result("param_out", value);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "engine/files/numbers.h"
 #include "nn/core/op.h"
 
 namespace doppel {
@@ -11,8 +12,6 @@ namespace {
 
 // Workgroups that share the large faces; without any they cost a fifth of a millisecond.
 constexpr Groups kLargeGroups{64, 1, 1};
-
-uint32_t u32(int64_t value) { return static_cast<uint32_t>(value); }
 
 // Triples as [F,4], so that a kernel loads a face at once.
 Tensor paddedTriples(Graph& graph, std::span<const int32_t> triples, int64_t limit,

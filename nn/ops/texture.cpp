@@ -1,5 +1,6 @@
 #include "nn/ops/texture.h"
 
+#include "engine/files/numbers.h"
 #include "nn/core/op.h"
 #include "texture/params.h"
 
@@ -7,8 +8,7 @@ namespace doppel {
 
 std::vector<Tensor> interleave(Graph& graph, const Tensor& x) {
     CHECK(x.shape.size() == 4, "an image batch is [N,C,H,W], not {}", toString(x.shape));
-    InterleaveParams params{static_cast<uint32_t>(x.dim(1)),
-                            static_cast<uint32_t>(x.dim(2) * x.dim(3))};
+    InterleaveParams params{u32(x.dim(1)), u32(x.dim(2) * x.dim(3))};
     std::vector<Tensor> textures;
     graph.beginOp("interleave");
     for (int64_t n = 0; n < x.dim(0); ++n) {

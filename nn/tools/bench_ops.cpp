@@ -4,6 +4,7 @@
 #include <numeric>
 #include <optional>
 
+#include "nn/body/joint.h"
 #include "nn/body/mesh_topology.h"
 #include "nn/core/op.h"
 #include "nn/ops/optim.h"
@@ -211,10 +212,10 @@ void addOps() {
              "body",
              {{"template", {V, 3}, [] { return defaultBody().templateVertices; }},
               {"shapedirs", {V, 3, 10}, [] { return defaultBody().shapeDirections; }},
-              {"weights", {V, 24}, [] { return defaultBody().weights; }},
-              {"joint_regressor", {24, V}, [] { return defaultBody().jointRegressor; }},
-              {"parents", {24}, {}, [] { return defaultBody().parents; }},
-              {"theta", {72}, standingTheta},
+              {"weights", {V, kJointCount}, [] { return defaultBody().weights; }},
+              {"joint_regressor", {kJointCount, V}, [] { return defaultBody().jointRegressor; }},
+              {"parents", {kJointCount}, {}, [] { return defaultBody().parents; }},
+              {"theta", {kThetaSize}, standingTheta},
               {"beta", {10}},
               {"trans", {3}, standingTrans}}});
     addCase(
@@ -344,7 +345,7 @@ void addOps() {
              {{"correction", {75}},
               {"before", {75}},
               {"after", {75}},
-              {"joint_weight", {24}},
+              {"joint_weight", {kJointCount}},
               {"beta", {10}}},
              {{"pose", 1}, {"trans", 1}, {"smooth", 1}, {"shape", 1}}});
     addCase({"weighted_sum", "four", {{"a", {}}, {"b", {}}, {"c", {}}, {"d", {}}}});

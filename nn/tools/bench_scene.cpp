@@ -31,7 +31,8 @@ BodyModel ballBody(int64_t vertices) {
     // Rings from pole to pole, twice as many vertices around as rings.
     int64_t rings = std::max<int64_t>(3, std::llround(std::sqrt(double(vertices) / 2)));
     int64_t around = 2 * rings, V = rings * around + 2;
-    std::vector<float> verts, weights(size_t(V) * 24), regressor(size_t(V) * 24), uvs;
+    std::vector<float> verts, uvs;
+    std::vector<float> weights(size_t(V) * joint::kCount), regressor(size_t(V) * joint::kCount);
     std::vector<int32_t> faces, uvFaces, parents{-1};
     auto point = [&](double latitude, double longitude) {
         verts.push_back(float(.25 * std::sin(latitude) * std::sin(longitude)));
@@ -68,34 +69,36 @@ BodyModel ballBody(int64_t vertices) {
         }
     }
     // Joints along the body; a vertex follows the two next to it.
-    for (int32_t j = 1; j < 24; ++j) parents.push_back(j - 1);
-    std::vector<double> ofJoint(24);
+    for (int32_t j = 1; j < kJointCount; ++j) parents.push_back(j - 1);
+    std::vector<double> ofJoint(joint::kCount);
     for (int64_t v = 0; v < V; ++v) {
-        double along = std::clamp((.85 - double(verts[size_t(3 * v + 1)])) / 1.7, 0.0, 1.0) * 23;
-        auto j = std::min<size_t>(size_t(along), 22);
-        weights[size_t(v) * 24 + j] = float(1 - (along - double(j)));
-        weights[size_t(v) * 24 + j + 1] = 1 - weights[size_t(v) * 24 + j];
+        double along = std::clamp((.85 - double(verts[size_t(3 * v + 1)])) / 1.7, 0.0, 1.0) *
+                       double(kJointCount - 1);
+        auto j = std::min<size_t>(size_t(along), joint::kCount - 2);
+        weights[size_t(v) * joint::kCount + j] = float(1 - (along - double(j)));
+        weights[size_t(v) * joint::kCount + j + 1] = 1 - weights[size_t(v) * joint::kCount + j];
         ofJoint[size_t(std::lround(along))] += 1;
     }
     for (int64_t v = 0; v < V; ++v) {
-        double along = std::clamp((.85 - double(verts[size_t(3 * v + 1)])) / 1.7, 0.0, 1.0) * 23;
+        double along = std::clamp((.85 - double(verts[size_t(3 * v + 1)])) / 1.7, 0.0, 1.0) *
+                       double(kJointCount - 1);
         auto j = size_t(std::lround(along));
         regressor[j * size_t(V) + size_t(v)] = float(1 / ofJoint[j]);
     }
-    for (size_t j = 0; j < 24; ++j)
+    for (size_t j = 0; j < joint::kCount; ++j)
         if (ofJoint[j] == 0) regressor[j * size_t(V)] = 1;
-    std::vector<int32_t> tree(48);
+    std::vector<int32_t> tree(2 * joint::kCount);
     std::copy(parents.begin(), parents.end(), tree.begin());
-    for (int32_t j = 0; j < 24; ++j) tree[24 + size_t(j)] = j;
+    for (int32_t j = 0; j < kJointCount; ++j) tree[joint::kCount + size_t(j)] = j;
     int64_t F = int64_t(faces.size()) / 3;
     Npz arrays;
     arrays.file = "a ball";
     arrays.set("v_template", Array::f32({V, 3}, verts));
     arrays.set("f", Array::i32({F, 3}, faces));
     arrays.set("shapedirs", Array::f32({V, 3, 10}, randomValues(V * 30, 3, -.01f, .01f)));
-    arrays.set("weights", Array::f32({V, 24}, weights));
-    arrays.set("J_regressor", Array::f32({24, V}, regressor));
-    arrays.set("kintree_table", Array::i32({2, 24}, tree));
+    arrays.set("weights", Array::f32({V, kJointCount}, weights));
+    arrays.set("J_regressor", Array::f32({kJointCount, V}, regressor));
+    arrays.set("kintree_table", Array::i32({2, kJointCount}, tree));
     arrays.set("vt", Array::f32({int64_t(uvs.size()) / 2, 2}, uvs));
     arrays.set("ft", Array::i32({F, 3}, uvFaces));
     return bodyFromNpz(arrays);
@@ -112,10 +115,10 @@ std::vector<float> randomValues(int64_t count, uint32_t seed, float low, float h
 }
 
 std::vector<float> standingTheta() {
-    std::vector<float> theta(72);
-    theta[0] = float(kPi);   // y up to y down
-    theta[3 * 16 + 2] = -1;  // the arms
-    theta[3 * 17 + 2] = 1;
+    std::vector<float> theta(kThetaSize);
+    theta[0] = float(kPi);                     // y up to y down
+    theta[3 * joint::kLeftShoulder + 2] = -1;  // the arms
+    theta[3 * joint::kRightShoulder + 2] = 1;
     return theta;
 }
 

@@ -92,7 +92,7 @@ std::array<float, N> finite(const PickleValue& value) {
 PoseFile readPose(const fs::path& path) {
     const PickleValue file = readPickle(path);
     PoseFile pose;
-    pose.theta = finite<72>(file.at("pose"));
+    pose.theta = finite<kThetaSize>(file.at("pose"));
     pose.trans = finite<3>(file.at("trans"));
     if (const auto betas = file.find("betas")) pose.betas = finite<10>(*betas);
     pose.focal = file.at("f").asNumber();

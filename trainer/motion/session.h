@@ -5,13 +5,15 @@
 #include <string>
 #include <vector>
 
+#include "nn/body/joint.h"
+
 namespace doppel {
 
 struct MotionFrame {
-    std::string motion;           // "turn", "walk", …
-    std::array<float, 72> theta;  // SMPL order, axis-angle, radians; camera's y points down, so the
-                                  // first joint turns the body upside up
-    std::array<float, 3> trans;   // metres, camera space
+    std::string motion;                   // "turn", "walk", …
+    std::array<float, kThetaSize> theta;  // SMPL order, axis-angle, radians; camera's y points
+                                          // down, so the first joint turns the body upside up
+    std::array<float, 3> trans;           // metres, camera space
 };
 
 // A full turn with the arms away from the body, then walking, raising the arms, and bending down,

@@ -30,7 +30,7 @@ glm::dvec3 randomDirection(uint64_t seed, uint64_t number) {
 
 // A pose as a tracker would see it: every joint turned by `degrees`, the body moved by `metres`.
 void disturb(Theta& theta, Trans& trans, double degrees, double metres, uint64_t seed) {
-    for (size_t joint = 0; joint < 24; ++joint) {
+    for (size_t joint = 0; joint < theta.size() / 3; ++joint) {
         glm::dvec3 v(theta[3 * joint], theta[3 * joint + 1], theta[3 * joint + 2]);
         double angle = glm::length(v);
         glm::dquat q = angle > 0 ? glm::angleAxis(angle, v / angle) : glm::dquat(1, 0, 0, 0);
@@ -40,7 +40,7 @@ void disturb(Theta& theta, Trans& trans, double degrees, double metres, uint64_t
         for (int k = 0; k < 3; ++k)
             theta[3 * joint + static_cast<size_t>(k)] = static_cast<float>(turned[k]);
     }
-    glm::dvec3 shift = metres * randomDirection(seed, 24);
+    glm::dvec3 shift = metres * randomDirection(seed, kJointCount);
     for (int k = 0; k < 3; ++k) trans[static_cast<size_t>(k)] += static_cast<float>(shift[k]);
 }
 

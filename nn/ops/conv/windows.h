@@ -4,6 +4,7 @@
 
 #include <utility>
 
+#include "engine/files/numbers.h"
 #include "nn/core/graph.h"
 
 namespace doppel {
@@ -35,13 +36,9 @@ struct Windows {
         return t;
     }
     Specialisation specialisation() const {
-        return {{"kKernelH", static_cast<uint32_t>(kernelH)},
-                {"kKernelW", static_cast<uint32_t>(kernelW)},
-                {"kStride", static_cast<uint32_t>(stride)}};
+        return {{"kKernelH", u32(kernelH)}, {"kKernelW", u32(kernelW)}, {"kStride", u32(stride)}};
     }
 };
-
-inline uint32_t u32(int64_t value) { return static_cast<uint32_t>(value); }
 
 // Workgroups of up to 256 along x, and y, z as they are.
 Groups planes(int64_t x, int64_t y, int64_t z, Specialisation& spec);
