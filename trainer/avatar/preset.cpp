@@ -75,6 +75,13 @@ const std::vector<std::string>& presetSections() {
     return sections;
 }
 
+void copySection(Preset& to, const Preset& from, std::string_view section) {
+#define COPY_SECTION(Type, name) \
+    if (section == #name) to.name = from.name;
+    PRESET_SECTIONS(COPY_SECTION)
+#undef COPY_SECTION
+}
+
 Preset presetByName(std::string_view name) {
     Preset preset;  // the declarations' values are the paper's
     preset.name = name;

@@ -47,6 +47,9 @@ std::vector<std::pair<std::string, std::string>> presetValues(const Preset& pres
 void setPresetValue(Preset& preset, std::string_view name, std::string_view value,
                     std::string_view where);
 
+// Takes the numbers of one section, "mesh", from another preset.
+void copySection(Preset& to, const Preset& from, std::string_view section);
+
 // A table of all numbers: what each is in every preset, its range, and what it means.
 std::string presetHelp();
 

@@ -95,7 +95,7 @@ void runDemo(const DemoOptions& options) {
     TrainSettings settings;
     settings.out = out / "avatar";
     settings.seed = options.common.seed;
-    settings.stages = {"fit", "mesh", "texture", "refine"};
+    settings.stages = stageNames();
     settings.pictureSeconds = 0;
     TrainResult trained = trainAvatar(device, std::move(avatar), capture.subset(seen), settings);
     const Avatar& person = trained.avatar;

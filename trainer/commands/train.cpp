@@ -57,30 +57,33 @@ void runTrain(const TrainOptions& options) {
             "{}: expected an unfinished run to go on with, found none; without --resume a "
             "new one starts",
             options.out.string());
-    auto trains = [&](const char* stage) { return std::ranges::count(options.stages, stage) > 0; };
+    auto trains = [&](const Stage& stage) {
+        return std::ranges::count(options.stages, stage.name) > 0;
+    };
 
     // Stages build on what is there: training the texture alone takes the avatar's own body and
     // mesh. A run of all stages needs nothing of it, and replaces it whatever it is.
     Avatar avatar, finished;
     bool exists = std::filesystem::exists(options.out / "avatar.toml");
-    bool all = trains("fit") && trains("mesh") && trains("texture");
+    const bool all = std::ranges::all_of(
+        allStages(), [&](const Stage& stage) { return stage.optional || trains(stage); });
     if ((exists && !all) || (unfinished && !unfinished->done.empty()))
         avatar = readAvatar(options.out);
     else
         avatar.betas = capture.betas;
     bool repeats = exists && !unfinished && !options.restart && options.profileSteps == 0;
     if (repeats) finished = all ? readAvatar(options.out) : avatar;
-    if (!exists || trains("fit")) {
+    const bool movesPoses = std::ranges::any_of(
+        allStages(), [&](const Stage& stage) { return stage.movesPoses && trains(stage); });
+    if (!exists || movesPoses) {
         BodyModel before = std::move(avatar.body);
         avatar.bodyArrays = readBodyArrays(options.body);
         avatar.body = bodyFromNpz(avatar.bodyArrays);
         if (before.templateVertices != avatar.body.templateVertices ||
             before.faces != avatar.body.faces) {  // networks of another body are of no use
             avatar.trained.clear();
-            avatar.meshNet.clear();
-            avatar.textureNet.clear();
-            avatar.texture.clear();
-            avatar.clearRefinement();
+            for (const Stage& stage : allStages())
+                if (stage.clear) stage.clear(avatar);
         }
     }
     // Numbers of stages that are left alone stay with their networks.
@@ -89,9 +92,9 @@ void runTrain(const TrainOptions& options) {
     if (!options.gan) avatar.preset.refine.imageDiscriminator = false;
     if (!options.gan || !options.face) avatar.preset.refine.faceDiscriminator = false;
     if (!options.clamp) avatar.preset.mesh.clamps = ClampBounds::None;
-    if (!avatar.meshNet.empty() && !trains("mesh")) avatar.preset.mesh = before.mesh;
-    if (!avatar.textureNet.empty() && !trains("texture")) avatar.preset.texture = before.texture;
-    if (!avatar.refineNet.empty() && !trains("refine")) avatar.preset.refine = before.refine;
+    for (const Stage& stage : allStages())
+        if (stage.isIn && stage.isIn(avatar) && !trains(stage))
+            copySection(avatar.preset, before, stage.name);
     avatar.provenance["capture"] = capture.name;
     avatar.provenance["command"] = options.common.commandLine;
     avatar.provenance["precision"] = options.common.precision;

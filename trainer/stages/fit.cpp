@@ -180,4 +180,10 @@ void trainFit(Device& device, TrainResult& result, const TrainSettings& settings
     result.avatar.betas = result.capture.betas;
 }
 
+void planFit(Device& device, const Avatar& avatar, const Capture& capture,
+             const TrainSettings& settings) {
+    FitStep(device, avatar.body, fitStart(capture, true), avatar.preset.fit,
+            settings.compileOptions());
+}
+
 }  // namespace doppel

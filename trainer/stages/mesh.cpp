@@ -55,4 +55,11 @@ void trainMesh(Device& device, TrainResult& result, const TrainSettings& setting
     if (loop.run(settings)) avatar.meshNet = readWeights(net);
 }
 
+void planMesh(Device& device, const Avatar& avatar, const Capture&, const TrainSettings& settings) {
+    Parameters net;
+    declareMeshNet(net, avatar, settings.seed);
+    net.allocate(device);
+    MeshStep(device, avatar.body, avatar.betas, net, avatar.preset.mesh, settings.compileOptions());
+}
+
 }  // namespace doppel

@@ -30,6 +30,11 @@ std::vector<std::vector<float>> viewsToBake(const std::vector<std::vector<float>
 void trainRefine(Device& device, TrainResult& result, const TrainSettings& settings) {
     Avatar& avatar = result.avatar;
     const Capture& capture = result.capture;
+    // A profile keeps nothing that this stage could stand on: a fresh network does as well.
+    if (settings.profileSteps > 0 && avatar.textureNet.empty()) {
+        avatar.textureNet = TextureNet(device, avatar.preset.texture, settings.seed).weights();
+        paintTexture(device, avatar);
+    }
     if (avatar.textureNet.empty())
         throwInput(
             "stage refine: expected an avatar with a texture network; train stage texture "
@@ -103,6 +108,22 @@ void trainRefine(Device& device, TrainResult& result, const TrainSettings& setti
     if (!loop.run(settings)) return;
     avatar.refineNet = weightsOf(nets.generator);
     bakeTexture(device, avatar, viewsToBake(verts));
+}
+
+void planRefine(Device& device, const Avatar& avatar, const Capture&,
+                const TrainSettings& settings) {
+    const Preset& preset = avatar.preset;
+    const auto size = static_cast<size_t>(preset.texture.textureSize);
+    const TextureNet coarseNet(device, preset.texture, settings.seed);
+    CoarseTexture coarse;
+    if (preset.texture.constantInput)
+        coarse.texture.resize(size * size * 3);
+    else
+        coarse.net = &coarseNet.unet();
+    RefineNetworks nets(preset.refine, preset.texture.textureSize,
+                        static_cast<uint32_t>(settings.seed));
+    nets.allocate(device);
+    RefineStep(device, avatar.body, preset.refine, nets, coarse, settings.compileOptions());
 }
 
 }  // namespace doppel

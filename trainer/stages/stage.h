@@ -38,24 +38,37 @@ struct TrainResult {
     std::optional<FitResult> fit;
 };
 
+// Each stage trains, and plans: it compiles its step for fresh networks and lets it go again, which
+// is an InputError where that needs more than settings.memoryBudget.
+
 // Stage "fit": the capture's poses and shape; see fitCapture().
 void trainFit(Device& device, TrainResult& result, const TrainSettings& settings);
+void planFit(Device& device, const Avatar& avatar, const Capture& capture,
+             const TrainSettings& settings);
 
 // Stage 1: the mesh refinement network G_m against the masks; fills avatar.meshNet.
 void trainMesh(Device& device, TrainResult& result, const TrainSettings& settings);
+void planMesh(Device& device, const Avatar& avatar, const Capture& capture,
+              const TrainSettings& settings);
 
 // Stage 2: the coarse texture network G_TN against the frames; fills avatar.textureNet and texture.
 void trainTexture(Device& device, TrainResult& result, const TrainSettings& settings);
+void planTexture(Device& device, const Avatar& avatar, const Capture& capture,
+                 const TrainSettings& settings);
 
 // Stage 3: the texture refinement network G_RN; fills avatar.refineNet and bakedTexture. InputError
-// where the avatar has no texture network.
+// where the avatar has no texture network, unless the run is a profile, which takes a fresh one.
 void trainRefine(Device& device, TrainResult& result, const TrainSettings& settings);
+void planRefine(Device& device, const Avatar& avatar, const Capture& capture,
+                const TrainSettings& settings);
 
 // A stage, as a run takes them one after the other.
 struct Stage {
     std::string name;
     void (*train)(Device&, TrainResult&, const TrainSettings&);
+    void (*plan)(Device&, const Avatar&, const Capture&, const TrainSettings&);
     bool movesPoses = false;  // it changes the capture's poses, which the stages after it need
+    bool optional = false;    // an avatar is whole without it
     // Of what the stage leaves in an avatar beside its record; empty: nothing. Whether it is there;
     // and taking it off, with what later stages made of it.
     bool (*isIn)(const Avatar&) = nullptr;

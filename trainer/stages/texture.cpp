@@ -65,4 +65,10 @@ void trainTexture(Device& device, TrainResult& result, const TrainSettings& sett
     if (loop.run(settings)) paint();
 }
 
+void planTexture(Device& device, const Avatar& avatar, const Capture&,
+                 const TrainSettings& settings) {
+    const TextureNet net(device, avatar.preset.texture, settings.seed);
+    TextureStep(device, avatar.body, net.unet(), avatar.preset.texture, settings.compileOptions());
+}
+
 }  // namespace doppel

@@ -4,15 +4,12 @@
 
 #include <algorithm>
 #include <span>
-#include <string_view>
 
 #include "engine/io/image.h"
 #include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/checkpoint.h"
-#include "trainer/avatar/networks.h"
 #include "trainer/avatar/rendering.h"
 #include "trainer/data/output_folder.h"
-#include "trainer/stages/memory_plan.h"
 
 namespace doppel {
 
@@ -222,6 +219,21 @@ private:
     RunRecord record_;
 };
 
+// InputError that names the first stage which needs more than settings.memoryBudget, and how much;
+// nothing where that is 0.
+void requireMemory(Device& device, const Avatar& avatar, const Capture& capture,
+                   const TrainSettings& settings) {
+    if (settings.memoryBudget == 0) return;
+    for (const Stage& stage : allStages()) {
+        if (std::ranges::count(settings.stages, stage.name) == 0) continue;
+        try {
+            stage.plan(device, avatar, capture, settings);
+        } catch (const InputError& error) {
+            throwInput("--memory: stage {}: {}", stage.name, error.what());
+        }
+    }
+}
+
 // The stages one after the other.
 void trainStages(Device& device, TrainResult& result, const TrainSettings& settings, Run& run) {
     for (const Stage& stage : allStages()) {
@@ -238,13 +250,6 @@ void trainStages(Device& device, TrainResult& result, const TrainSettings& setti
                 result.avatar.trained.erase(later->name);
             }
         if (!stage.movesPoses) result.capture.betas = result.avatar.betas;
-        // A profile keeps nothing that this stage could stand on: a fresh network does as well.
-        if (settings.profileSteps > 0 && std::string_view(stage.name) == "refine" &&
-            result.avatar.textureNet.empty()) {
-            const TexturePreset& preset = result.avatar.preset.texture;
-            result.avatar.textureNet = TextureNet(device, preset, settings.seed).weights();
-            paintTexture(device, result.avatar);
-        }
         stage.train(device, result, settings);
         if (stage.movesPoses) run.writePoses(result.capture);
         run.finish(stage.name, result.avatar);
@@ -261,13 +266,15 @@ void trainStages(Device& device, TrainResult& result, const TrainSettings& setti
 
 const std::vector<Stage>& allStages() {
     static const std::vector<Stage> stages{
-        {.name = "fit", .train = trainFit, .movesPoses = true},
+        {.name = "fit", .train = trainFit, .plan = planFit, .movesPoses = true},
         {.name = "mesh",
          .train = trainMesh,
+         .plan = planMesh,
          .isIn = [](const Avatar& avatar) { return !avatar.meshNet.empty(); },
          .clear = [](Avatar& avatar) { avatar.meshNet.clear(); }},
         {.name = "texture",
          .train = trainTexture,
+         .plan = planTexture,
          .isIn = [](const Avatar& avatar) { return !avatar.textureNet.empty(); },
          .clear =
              [](Avatar& avatar) {
@@ -277,6 +284,8 @@ const std::vector<Stage>& allStages() {
              }},
         {.name = "refine",
          .train = trainRefine,
+         .plan = planRefine,
+         .optional = true,
          .isIn = [](const Avatar& avatar) { return !avatar.refineNet.empty(); },
          .clear = [](Avatar& avatar) { avatar.clearRefinement(); }},
     };
