@@ -22,9 +22,8 @@ VKAPI_ATTR VkBool32 VKAPI_CALL onMessage(VkDebugUtilsMessageSeverityFlagBitsEXT,
     return VK_FALSE;
 }
 
-// Mesa keeps what lavapipe compiles in a cache on disk, and Mesa 25 finds the functions there that
-// fetch texels whatever width of vectors they were compiled for: a program that runs with another
-// width crashes in them. So each width has a folder of its own.
+}  // namespace
+
 void separateShaderCaches() {
     namespace fs = std::filesystem;
     const char* width = std::getenv("LP_NATIVE_VECTOR_WIDTH");
@@ -47,8 +46,6 @@ void separateShaderCaches() {
     setenv("MESA_SHADER_CACHE_DIR", folder.c_str(), 1);
 }
 
-}  // namespace
-
 bool validationWanted() {
     const char* set = std::getenv("DOPPEL_VALIDATION");
     return set && std::string_view(set) == "1";
@@ -60,7 +57,6 @@ std::vector<std::string> validationMessages() {
 }
 
 VkInstance createInstance(bool validation, std::span<const char* const> extensions) {
-    separateShaderCaches();
     VkApplicationInfo application{VK_STRUCTURE_TYPE_APPLICATION_INFO};
     application.pApplicationName = "doppel";
     application.apiVersion = VK_API_VERSION_1_2;

@@ -9,6 +9,12 @@
 
 namespace doppel {
 
+// Mesa keeps what lavapipe compiles in a cache on disk, and Mesa 25 finds the functions there that
+// fetch texels whatever width of vectors they were compiled for: a program that runs with another
+// width crashes in them. So each width has a folder of its own. Every main() begins with this: it
+// changes the environment, which no other thread may see.
+void separateShaderCaches();
+
 // DOPPEL_VALIDATION=1 asks for the validation layer.
 bool validationWanted();
 // What the layer said since the start.

@@ -224,6 +224,7 @@ static void writeCoverage(const std::string& path) {
 }
 
 int main(int argc, char** argv) {
+    doppel::separateShaderCaches();
     testing::InitGoogleTest(&argc, argv);
     const char* coverage = std::getenv("DOPPEL_KERNEL_LOG");
     if (coverage) std::remove(coverage);

@@ -7,6 +7,7 @@
 
 #include "engine/cooperative_matrix.h"
 #include "engine/hazards.h"
+#include "engine/instance.h"
 #include "nn/ops/elementwise.h"
 #include "tests/op_test.h"
 
@@ -119,7 +120,7 @@ TEST(Instance, KeepsACachePerWidthOfVectors) {
     auto cacheFor = [](const char* width, const std::string& base) {
         setenv("LP_NATIVE_VECTOR_WIDTH", width, 1);
         setenv("MESA_SHADER_CACHE_DIR", base.c_str(), 1);
-        Device::list();
+        separateShaderCaches();
         const char* now = std::getenv("MESA_SHADER_CACHE_DIR");
         fmt::print(stderr, "cache {}\n", now);
         std::exit(std::filesystem::is_directory(now) ? 0 : 1);

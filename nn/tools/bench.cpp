@@ -11,6 +11,7 @@
 #include <optional>
 
 #include "bench/params.h"
+#include "engine/instance.h"
 
 namespace doppel::bench {
 
@@ -277,6 +278,7 @@ int run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
+    doppel::separateShaderCaches();
     try {
         return run(argc, argv);
     } catch (const doppel::InputError& error) {

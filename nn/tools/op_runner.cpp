@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/instance.h"
 #include "nn/core/op.h"
 
 namespace {
@@ -67,6 +68,7 @@ int run(std::vector<std::string> arguments) {
 }  // namespace
 
 int main(int argc, char** argv) {
+    doppel::separateShaderCaches();
     try {
         return run({argv + 1, argv + argc});
     } catch (const doppel::InputError& error) {
