@@ -1,9 +1,10 @@
-// Numbers in other widths.
+// Numbers in other widths, and as bytes.
 #pragma once
 
 #include <bit>
 #include <cmath>
 #include <cstdint>
+#include <cstring>
 
 #include "engine/error.h"
 
@@ -32,5 +33,13 @@ inline float halfToFloat(uint16_t half) {
 
 // The upper half of a float.
 inline float bfloat16ToFloat(uint16_t bits) { return std::bit_cast<float>(uint32_t{bits} << 16); }
+
+// Number `index` of those that lie at any address.
+template <typename T>
+T loadAt(const uint8_t* bytes, size_t index) {
+    T value;
+    std::memcpy(&value, bytes + index * sizeof(T), sizeof(T));
+    return value;
+}
 
 }  // namespace doppel

@@ -10,4 +10,23 @@ std::string printable(std::string_view text, size_t limit) {
     return text.size() > limit ? result + "…" : result;
 }
 
+void appendUtf8(uint32_t code, std::string& out) {
+    const auto put = [&](uint32_t byte) { out += static_cast<char>(byte); };
+    if (code < 0x80) {
+        put(code);
+    } else if (code < 0x800) {
+        put(0xC0 | (code >> 6));
+        put(0x80 | (code & 63));
+    } else if (code < 0x10000) {
+        put(0xE0 | (code >> 12));
+        put(0x80 | ((code >> 6) & 63));
+        put(0x80 | (code & 63));
+    } else {
+        put(0xF0 | (code >> 18));
+        put(0x80 | ((code >> 12) & 63));
+        put(0x80 | ((code >> 6) & 63));
+        put(0x80 | (code & 63));
+    }
+}
+
 }  // namespace doppel
