@@ -16,7 +16,7 @@ ENTRY(forward) {
     uint n = params.n;
     EACH_PLACE(p, n) {
         vec2 v = PAIR(x, p);
-        // From 10 on it is one in floats, and some devices divide the infinite e^2v by itself.
+        // From 10 on it is one in floats, and some devices divide sinh by cosh, which become infinite.
         BLOCK_PAIR(y, p) = packPair(tanh(clamp(v, -10.0, 10.0)));
     }
 }
