@@ -25,6 +25,7 @@ namespace doppel {
 namespace {
 
 constexpr int kSize = 256, kTurnFrames = 24, kMotionFrames = 8, kFilmSize = 384;
+constexpr int kFilmFrames = 72, kFramesPerSecond = 24;
 
 double mean(const std::vector<double>& values) {
     return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
@@ -119,19 +120,19 @@ void runDemo(const DemoOptions& options) {
     // Films, model, sheet.
     Shot rest = restShot(device, person, kFilmSize);
     std::vector<Shot> turn, dance;
-    for (int i = 0; i < 72; ++i) turn.push_back(turned(rest, i / 72.0));
-    Motion greetings{"", "greeting", 24, {}, {}, {}, {}};
+    for (int i = 0; i < kFilmFrames; ++i) turn.push_back(turned(rest, i / double(kFilmFrames)));
+    Motion greetings{"", "greeting", kFramesPerSecond, {}, {}, {}, {}};
     Trans stage = rest.trans;
     stage[1] *= 0.8f;  // further away, with room for raised hands
     stage[2] *= 1.25f;
-    for (const MotionFrame& frame : greeting(72, stage[2])) {
+    for (const MotionFrame& frame : greeting(kFilmFrames, stage[2])) {
         dance.push_back({frame.theta, stage, rest.camera});
         greetings.theta.push_back(frame.theta);
         greetings.trans.push_back(stage);
     }
     auto grey = [&](size_t) { return plainBackground("#9aa4ad", rest.camera); };
-    renderShots(device, person, turn, grey, out / "turntable.mp4", 24, "turntable");
-    renderShots(device, person, dance, grey, out / "reenact.mp4", 24, "reenact");
+    renderShots(device, person, turn, grey, out / "turntable.mp4", kFramesPerSecond, "turntable");
+    renderShots(device, person, dance, grey, out / "reenact.mp4", kFramesPerSecond, "reenact");
     exportAvatar(device, person, out / "avatar.glb", &greetings);
     writeContactSheet(device, person, test, testFitted, out / "contact.png");
 
