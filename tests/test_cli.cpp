@@ -165,7 +165,8 @@ TEST(CommandLine, FillsOptions) {
     EXPECT_EQ(run({"render", "a", "--motion", "m", "--out", "x.mp4", "--background", "#00ff7F"})
                   .render.background,
               "#00ff7F");
-    EXPECT_TRUE(run({"eval", "a", "c", "--fit-test-poses", "--json"}).eval.fitTestPoses);
+    EXPECT_EQ(run({"eval", "a", "c", "--fit-test-poses", "--json"}).eval.fitTestPoses, "masks");
+    EXPECT_EQ(run({"eval", "a", "c", "--fit-test-poses=pictures"}).eval.fitTestPoses, "pictures");
     const Outcome eval = run({"eval", "a", "c", "--lpips", "vgg.pth,heads.pth", "--lpips-net",
                               "vgg", "--fvd", "i3d.pt", "--scene", "median", "--out", "tables"});
     EXPECT_EQ(eval.status, 0) << eval.err;

@@ -270,6 +270,62 @@ TEST(Dilate3, AgainstPlainLoop) {
 
 // ---- laws ---------------------------------------------------------------------------------------
 
+Values pyramidReference(const Values& in) {
+    const Value& a = in.at("a");
+    const auto height = size_t(a.shape[0]), width = size_t(a.shape[1]);
+    const size_t channels = a.shape.size() > 2 ? size_t(a.shape[2]) : 1;
+    const double epsilon = in.at("epsilon").data[0];
+    double loss = 0;
+    for (size_t cell : {1, 2, 4, 8})
+        for (size_t y = 0; y < height; y += cell)
+            for (size_t x = 0; x < width; x += cell)
+                for (size_t c = 0; c < channels; ++c) {
+                    double sum = 0;
+                    for (size_t v = y; v < std::min(y + cell, height); ++v)
+                        for (size_t u = x; u < std::min(x + cell, width); ++u) {
+                            const size_t i = (v * width + u) * channels + c;
+                            sum += in.at("counts").data[v * width + u] *
+                                   (a.data[i] - in.at("b").data[i]);
+                        }
+                    const double n = double(cell * cell), d = sum / n;
+                    const double rho = epsilon > 0
+                                           ? std::sqrt(d * d + epsilon * epsilon) - epsilon
+                                           : d * d;
+                    loss += in.at("weight" + std::to_string(cell)).data[0] * n * rho;
+                }
+    return {{"loss", {{}, {loss * in.at("scale").data[0]}}}};
+}
+
+TEST(PyramidLoss, AgainstPlainLoop) {
+    for (const Shape& shape : {Shape{16, 24}, {1, 1}, {9, 7, 3}, {8, 8, 1}, {23, 17, 4}, {7, 33}})
+        for (double epsilon : {0., .02, .5}) {
+            SCOPED_TRACE(fmt::format("{} epsilon {}", toString(shape), epsilon));
+            checkOp("pyramid_loss", {.inputs = {{"a", uniform(shape, 0, 1, 1)},
+                                                {"b", uniform(shape, 0, 1, 2)},
+                                                {"counts", uniform({shape[0], shape[1]}, 0, 1, 3)},
+                                                {"scale", {{1}, {.37}}}},
+                                     .attributes = {{"weight1", .7},
+                                                    {"weight2", .5},
+                                                    {"weight4", .25},
+                                                    {"weight8", 2},
+                                                    {"epsilon", epsilon}},
+                                     .reference = pyramidReference});
+        }
+}
+
+TEST(PyramidLoss, EqualPicturesGiveZero) {
+    const Value a = uniform({13, 11, 3}, 0, 1, 1);
+    for (double epsilon : {0., .02})
+        checkOp("pyramid_loss",
+                {.inputs = {{"a", a},
+                            {"b", a},
+                            {"counts", uniform({13, 11}, 0, 1, 3)},
+                            {"scale", {{1}, {1}}}},
+                 .attributes = {{"weight1", 1}, {"weight2", 1}, {"weight4", 1}, {"weight8", 1},
+                                {"epsilon", epsilon}},
+                 .reference = pyramidReference});
+}
+
 TEST(Losses, SameBitsTwice) {
     Shape size{100, 90, 3};
     Npz arrays = arraysOf({{"predicted", uniform(size, 0, 1, 1)},

@@ -153,6 +153,114 @@ TEST(MeshOps, NormalConsistencyLoss) {
     checkMeshOp("normal_consistency_loss", consistencyReference, meshes());
 }
 
+OpCase caseOf(const TestMesh& mesh) {
+    OpCase test;
+    test.inputs["verts"] = mesh.verts;
+    test.integers["faces"] = mesh.faceArray();
+    return test;
+}
+
+std::vector<std::set<int>> neighboursOf(const Values& in) {
+    std::vector<std::set<int>> neighbours(in.at("verts").data.size() / 3);
+    for (const auto& [edge, faces] : facesAtEdges(in.at("faces"))) {
+        neighbours[size_t(edge.first)].insert(edge.second);
+        neighbours[size_t(edge.second)].insert(edge.first);
+    }
+    return neighbours;
+}
+
+TEST(MeshOps, OffsetPenalty) {
+    for (const TestMesh& mesh : meshes()) {
+        OpCase test = caseOf(mesh);
+        test.inputs["weight"] = uniform({test.inputs.at("verts").shape[0]}, 0, 2, 9);
+        test.attributes = {{"stay", .3}, {"smooth", 5}};
+        test.reference = [](const Values& in) -> Values {
+            const Value& x = in.at("verts");
+            const auto neighbours = neighboursOf(in);
+            double loss = 0;
+            for (size_t v = 0; v < neighbours.size(); ++v)
+                for (size_t c = 0; c < 3; ++c) {
+                    const double own = x.data[3 * v + c];
+                    double bend = 0;
+                    for (int n : neighbours[v])
+                        bend += (own - x.data[3 * size_t(n) + c]) / double(neighbours[v].size());
+                    loss += .3 * in.at("weight").data[v] * own * own + 5 * bend * bend;
+                }
+            return {{"loss", {{}, {loss / double(neighbours.size())}}}};
+        };
+        checkOp("offset_penalty", test);
+    }
+}
+
+// The same polynomial of (I + lambda L) in double precision.
+Values smoothSolveReference(const Values& in) {
+    const Value& x = in.at("verts");
+    const auto neighbours = neighboursOf(in);
+    const double lambda = in.at("lambda").data[0];
+    size_t most = 0;
+    for (const auto& list : neighbours) most = std::max(most, list.size());
+    const double low = 1 / (1 + lambda * double(most));
+    const double centre = (2 + low) / 2, radius = (2 - low) / 2;
+    std::vector<double> y(x.data.size()), r(y.size()), d(y.size());
+    for (size_t i = 0; i < y.size(); ++i) {
+        r[i] = x.data[i] / (1 + lambda * double(neighbours[i / 3].size()));
+        d[i] = r[i] / centre;
+    }
+    double rho = radius / centre;
+    for (int k = 0; k < int(in.at("iterations").data[0]); ++k) {
+        std::vector<double> applied(y.size());
+        for (size_t v = 0; v < neighbours.size(); ++v)
+            for (size_t c = 0; c < 3; ++c) {
+                const double degree = double(neighbours[v].size());
+                double sum = (1 + lambda * degree) * d[3 * v + c];
+                for (int n : neighbours[v]) sum -= lambda * d[3 * size_t(n) + c];
+                applied[3 * v + c] = sum / (1 + lambda * degree);
+            }
+        const double next = 1 / (2 * centre / radius - rho);
+        for (size_t i = 0; i < y.size(); ++i) {
+            y[i] += d[i];
+            r[i] -= applied[i];
+            d[i] = next * rho * d[i] + 2 * next / radius * r[i];
+        }
+        rho = next;
+    }
+    return {{"y", {x.shape, y}}};
+}
+
+TEST(MeshOps, SmoothSolve) {
+    for (const TestMesh& mesh : meshes())
+        for (double iterations : {1, 2, 9, 32}) {
+            OpCase test = caseOf(mesh);
+            test.attributes = {{"lambda", 10}, {"iterations", iterations}};
+            test.reference = smoothSolveReference;
+            checkOp("smooth_solve", test);
+        }
+}
+
+// Enough iterations solve the equation.
+TEST(MeshOps, SmoothSolveConverges) {
+    for (const TestMesh& mesh : {grid(2), grid(13), strip(64)}) {
+        OpCase test = caseOf(mesh);
+        test.attributes = {{"lambda", 10}, {"iterations", 400}};
+        test.reference = [](const Values& in) -> Values {
+            // (I + lambda L) y = x by Gauss-Seidel.
+            const Value& x = in.at("verts");
+            const auto neighbours = neighboursOf(in);
+            std::vector<double> y(x.data.size());
+            for (int sweep = 0; sweep < 4000; ++sweep)
+                for (size_t v = 0; v < neighbours.size(); ++v)
+                    for (size_t c = 0; c < 3; ++c) {
+                        double sum = x.data[3 * v + c];
+                        for (int n : neighbours[v]) sum += 10 * y[3 * size_t(n) + c];
+                        y[3 * v + c] = sum / (1 + 10 * double(neighbours[v].size()));
+                    }
+            return {{"y", {x.shape, y}}};
+        };
+        test.forwardTolerance = 2e-5;
+        checkOp("smooth_solve", test);
+    }
+}
+
 TEST(MeshOps, WithoutFaces) {
     TestMesh bare{random({13, 3}), {}};
     checkMeshOp("vertex_normals", normalsReference, {bare});

@@ -68,6 +68,25 @@ TEST(Optim, AdamWRowTouchesOneRow) {
     }
 }
 
+// One step from rest: m = (1 - b1) f g, v = (1 - b2) max |f g|^2, and the preconditioner f once more.
+TEST(Optim, UniformAdamKeepsDirections) {
+    for (int64_t rows : {1, 7, 64, 2050})
+        checkOp("uniform_adam",
+                {.inputs = {{"param", random({rows, 3}, 1)}, {"grad", random({1, rows, 3}, 2)}},
+                 .attributes = {{"lr", .01}, {"factor", .5}, {"beta1", .9}, {"beta2", .99}},
+                 .reference = [](const Values& in) -> Values {
+                     Value x = in.at("param");
+                     const std::vector<double>& g = in.at("grad").data;
+                     double most = 0;
+                     for (size_t i = 0; i < g.size(); i += 3)
+                         most = std::max(most, g[i] * g[i] + g[i + 1] * g[i + 1] +
+                                                   g[i + 2] * g[i + 2]);
+                     for (size_t i = 0; i < g.size(); ++i)
+                         x.data[i] -= .01 * .5 * g[i] / std::sqrt(most);
+                     return {{"param_out", x}};
+                 }});
+}
+
 TEST(Optim, ClipNorm) {
     std::vector<int64_t> sizes = edgeSizes(512);  // elements of a first sum, see nn/ops/optim.cpp
     sizes.insert(sizes.end(), {13, 5000, 64 * 512, 64 * 512 + 1});

@@ -127,7 +127,7 @@ protected:
         declareMeshNet(meshNet, avatar, 1);
         meshNet.allocate(testDevice());
         avatar.meshNet = readWeights(meshNet);
-        avatar.textureNet = TextureNet(testDevice(), avatar.preset.texture, 1).weights();
+        avatar.textureNet = TextureNet(testDevice(), avatar, 1).weights();
         paintTexture(testDevice(), avatar);
         writeAvatar(*home_ / "avatar", avatar);
 

@@ -677,7 +677,7 @@ TEST_F(ViewerTest, PaintsTheViewInTheBackground) {
         avatar.preset.texture.textureSize = kTextureSize;
         avatar.preset.texture.width = 2;
         avatar.preset.texture.depth = 3;
-        avatar.textureNet = TextureNet(device, avatar.preset.texture, 3).weights();
+        avatar.textureNet = TextureNet(device, avatar, 3).weights();
         writeAvatar(folder, avatar);
     }
     ViewerOptions options;

@@ -43,7 +43,7 @@ struct Scene::Posing {
         trans = graph.input({3});
         beta = graph.input({10});
         Tensor rest =
-            graph.constant(std::span<const float>(body.templateVertices), {body.vertexCount, 3});
+            graph.constant(body.restVertices(), {body.vertexCount, 3});
         LbsModel skin = lbsModel(graph, body);
         Tensor posed;
         if (kind == MeshKind::Refined) {

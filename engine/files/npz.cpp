@@ -209,6 +209,10 @@ void Npz::set(std::string name, Array array) {
     arrays_.emplace_back(std::move(name), std::move(array));
 }
 
+void Npz::remove(std::string_view name) {
+    std::erase_if(arrays_, [&](const auto& entry) { return entry.first == name; });
+}
+
 Npz readNpz(const std::filesystem::path& path, const NpzLimits& limits) {
     return npzFromBytes(readWholeFile(path, limits.maxFile), path.string(), limits);
 }

@@ -31,6 +31,7 @@ public:
     const Array* find(std::string_view name) const;  // null where missing
     bool has(std::string_view name) const { return find(name) != nullptr; }
     void set(std::string name, Array array);  // replaces one of the same name
+    void remove(std::string_view name);       // if it is there
     size_t size() const { return arrays_.size(); }
     auto begin() const { return arrays_.begin(); }  // pairs of name and array
     auto end() const { return arrays_.end(); }

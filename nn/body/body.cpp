@@ -138,6 +138,12 @@ std::vector<uint8_t> solesFromTemplate(const BodyModel& body) {
 
 }  // namespace
 
+std::vector<float> BodyModel::restVertices() const {
+    std::vector<float> rest = templateVertices;
+    for (size_t i = 0; i < offsets.size(); ++i) rest[i] += offsets[i];
+    return rest;
+}
+
 void checkParents(std::span<const int32_t> parents, std::string_view where) {
     for (size_t j = 0; j < parents.size(); ++j) {
         bool fits =
@@ -210,6 +216,13 @@ BodyModel bodyFromNpz(const Npz& arrays) {
     }
     checkParents(body.parents, in.where("kintree_table"));
 
+    if (in.find("offsets")) {
+        body.offsets = in.numbers("offsets", {body.vertexCount, 3});
+        for (float x : body.offsets)
+            if (std::abs(x) > 10)
+                throwInput("{}: an offset of {:.4g}; expected metres, at most 10",
+                           in.where("offsets"), x);
+    }
     if (in.find("posedirs"))
         body.poseDirections =
             in.numbers("posedirs", {body.vertexCount, 3, BodyModel::kPoseFeatures});
@@ -239,7 +252,8 @@ BodyModel bodyFromNpz(const Npz& arrays) {
 
 std::vector<double> shapedVertices(const BodyModel& body, std::span<const double> beta) {
     CHECK(beta.size() == BodyModel::kShapes, "beta has ten numbers");
-    std::vector<double> shaped(body.templateVertices.begin(), body.templateVertices.end());
+    const std::vector<float> rest = body.restVertices();
+    std::vector<double> shaped(rest.begin(), rest.end());
     for (size_t i = 0; i < shaped.size(); ++i)
         for (size_t k = 0; k < beta.size(); ++k)
             shaped[i] += beta[k] * static_cast<double>(body.shapeDirections[i * beta.size() + k]);

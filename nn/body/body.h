@@ -20,6 +20,7 @@ struct BodyModel {
     std::string file;  // for errors
     int64_t vertexCount = 0, faceCount = 0, uvCount = 0;
     std::vector<float> templateVertices;  // [V,3]
+    std::vector<float> offsets;           // [V,3] a person's own shape beyond it; empty: none
     std::vector<int32_t> faces;           // [F,3] counter-clockwise from outside
     std::vector<float> shapeDirections;   // [V,3,10] m per standard deviation
     std::vector<float> poseDirections;    // [V,3,207] of R - I of joints 1 to 23; empty: none
@@ -30,6 +31,10 @@ struct BodyModel {
     std::vector<int32_t> uvFaces;         // [F,3] into uvs, corner by corner as faces
     std::vector<uint8_t> part;            // [V] BodyPart
     std::vector<uint8_t> face, sole;      // [V] 1 inside
+
+    // [V,3] templateVertices + offsets: what is shaped, posed and drawn. Joints follow, for they are
+    // regressed from it.
+    std::vector<float> restVertices() const;
 };
 
 // From the arrays of our body files (assets/body) or of SMPL's:
@@ -39,6 +44,7 @@ struct BodyModel {
 //     posedirs [V,3,207]                          optional
 //     vt [T,2] and ft [F,3]                       optional: an atlas is made (see body_atlas.h)
 //     part [V], face_mask [V], sole_mask [V]      optional: from weights and template
+//     offsets [V,3]                               optional: a person's, from training
 //
 // Other arrays are left alone. Everything is checked; what is wrong is an InputError that names
 // the file, the array, what was expected and what was found.

@@ -128,9 +128,13 @@ AdjacencyTensors adjacencyTensors(Graph& graph, const Adjacency& adjacency) {
 }
 
 MeshTensors meshTensors(Graph& graph, const MeshTopology& mesh) {
+    int32_t most = 0;
+    const std::vector<int32_t>& begin = mesh.adjacency.begin;
+    for (size_t v = 0; v + 1 < begin.size(); ++v) most = std::max(most, begin[v + 1] - begin[v]);
     return {.vertexCount = mesh.vertexCount,
             .faceCount = mesh.faceCount,
             .pairCount = mesh.pairCount,
+            .mostNeighbours = most,
             .faces = listConstant(graph, mesh.faces),
             .adjacency = adjacencyTensors(graph, mesh.adjacency),
             .cornerBegin = listConstant(graph, mesh.cornerBegin),

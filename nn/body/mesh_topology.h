@@ -51,7 +51,8 @@ AdjacencyTensors adjacencyTensors(Graph& graph, const Adjacency& adjacency);
 
 struct MeshTensors {
     int64_t vertexCount = 0, faceCount = 0, pairCount = 0;
-    Tensor faces;  // [F,3]
+    int64_t mostNeighbours = 0;  // of a vertex
+    Tensor faces;                // [F,3]
     AdjacencyTensors adjacency;
     Tensor cornerBegin, corners;  // [V+1], [3F,3]
     Tensor pairBegin, pairFaces;  // [F+1], [2P]

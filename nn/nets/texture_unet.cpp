@@ -11,13 +11,14 @@ namespace doppel {
 namespace {
 constexpr int64_t kKernel = 4;
 constexpr uint32_t kStride = 2, kPadding = 1;
+constexpr float kTexelResidual = 0.5f;  // of [-1, 1]
 constexpr float kDeviation = 0.02f, kSlope = 0.2f, kDropout = 0.5f;
 
 std::string numbered(const char* what, int64_t i) { return fmt::format("{}{}", what, i); }
 }  // namespace
 
 TextureUnet::TextureUnet(const TextureUnetConfig& config, std::string name,
-                         std::optional<uint32_t> seed)
+                         std::optional<uint32_t> seed, std::vector<float> texels)
     : config_(config), name_(std::move(name)) {
     TextureUnetConfig& c = config_;
     if (c.downs == 0)
@@ -28,9 +29,17 @@ TextureUnet::TextureUnet(const TextureUnetConfig& config, std::string name,
     if (c.width < 1 || c.inputChannels < 1 || c.outputChannels < 1)
         throwInput("texture network: width {} and channels {}, {} must be positive", c.width,
                    c.inputChannels, c.outputChannels);
+    if (!texels.empty()) {
+        const auto pixels = static_cast<size_t>(c.size * c.size);
+        CHECK(c.outputChannels == 3 && texels.size() == 3 * pixels, "texels are [{},{},3]", c.size,
+              c.size);
+        texels_.resize(texels.size());
+        for (size_t i = 0; i < texels.size(); ++i)
+            texels_[i % 3 * pixels + i / 3] = 2 * texels[i] - 1;
+    }
     int64_t n = c.downs;
     for (int64_t i = 1; i <= n; ++i) {
-        int64_t in = i == 1 ? c.inputChannels : features(i - 1);
+        int64_t in = i == 1 ? c.inputChannels + (texels_.empty() ? 0 : 3) : features(i - 1);
         declare(numbered("enc", i), {features(i), in, kKernel, kKernel}, i > 1 && i < n,
                 features(i), seed);
     }
@@ -105,7 +114,13 @@ Tensor TextureUnet::forward(Graph& graph, const Tensor& x, Mode mode) const {
                                                  : Tensor{};
     };
     std::vector<Tensor> encoded;
-    Tensor h = x;
+    Tensor h = x, under;
+    if (!texels_.empty()) {
+        Tensor one = graph.constant(std::span<const float>(texels_), {1, 3, c.size, c.size});
+        under = one;
+        for (int64_t k = 1; k < x.dim(0); ++k) under = concat(graph, under, one, 0);
+        h = concat(graph, under, x);
+    }
     for (int64_t i = 1; i <= n; ++i) {
         std::string layer = numbered("enc", i);
         h = conv2d(graph, h, weight(layer), bias(layer), kStride, kPadding);
@@ -123,7 +138,9 @@ Tensor TextureUnet::forward(Graph& graph, const Tensor& x, Mode mode) const {
         if (mode.dropout && j >= 2 && j <= 5)
             h = dropout(graph, h, kDropout, streamOf(name_ + "." + layer));
     }
-    return tanh(graph, h);
+    h = tanh(graph, h);
+    if (!under) return h;
+    return clamp(graph, add(graph, under, scaleShift(graph, h, kTexelResidual, 0)), -1, 1);
 }
 
 }  // namespace doppel

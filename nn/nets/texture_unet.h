@@ -4,6 +4,8 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "nn/core/graph.h"
 
@@ -29,7 +31,11 @@ public:
     // InputError where the sizes do not fit. The same seed and name give the same values anywhere;
     // name keeps two networks of one seed apart.
     // Without a seed all values are zeros: others are to be loaded after allocate().
-    TextureUnet(const TextureUnetConfig& config, std::string name, std::optional<uint32_t> seed);
+    // texels [size,size,3] in [0,1]: a texture that the network paints over. It is three more
+    // channels of the input, and the output is what the network adds to it, kTexelResidual at most,
+    // clamped.
+    TextureUnet(const TextureUnetConfig& config, std::string name, std::optional<uint32_t> seed,
+                std::vector<float> texels = {});
 
     void allocate(Device& device);
 
@@ -60,6 +66,7 @@ private:
 
     TextureUnetConfig config_;
     std::string name_;
+    std::vector<float> texels_;  // [3,size,size] in [-1,1]; empty: none
     Parameters parameters_, statistics_;
 };
 

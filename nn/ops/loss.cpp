@@ -4,6 +4,7 @@
 #include "engine/files/numbers.h"
 #include "loss/params.h"
 #include "nn/core/op.h"
+#include "nn/ops/linalg.h"
 #include "nn/ops/raster.h"
 
 namespace doppel {
@@ -102,6 +103,40 @@ Tensor ssim(Graph& graph, const Tensor& a, const Tensor& b) {
                        params, n);
     });
     return result;
+}
+
+Tensor pyramidLoss(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& counts,
+                   const Tensor& scale, const PyramidWeights& weights, float epsilon) {
+    CHECK((a.shape.size() == 2 || a.shape.size() == 3) && a.shape == b.shape,
+          "two pictures [H,W,C] or [H,W] are compared, not {} {}", toString(a.shape),
+          toString(b.shape));
+    CHECK(scale.elements() == 1, "the scale is one number");
+    CHECK(counts.shape == (Shape{a.dim(0), a.dim(1)}), "a pixel of {} has a weight",
+          toString(a.shape));
+    CHECK(epsilon >= 0, "epsilon {} is not negative", epsilon);
+    const int64_t height = a.dim(0), width = a.dim(1), channels = a.elements() / (height * width);
+    const int64_t across = (width + 7) / 8, blocks = across * ((height + 7) / 8);
+    const PyramidLossParams params{u32(width),    u32(height),   u32(channels),  u32(across),
+                                   u32(blocks),   weights.cell1, weights.cell2,  weights.cell4,
+                                   weights.cell8, epsilon};
+    const int64_t terms = blocks * channels;
+    Tensor partial = graph.temporary({terms}), loss = graph.temporary({});
+    graph.beginOp("pyramid_loss");
+    graph.dispatch("loss/pyramid_loss.forward",
+                   {{"a", a}, {"b", b}, {"counts", counts}, {"scale", scale}, {"partial", partial}},
+                   params, static_cast<uint64_t>(terms));
+    sumAxis(graph, partial, 1, terms, 1, loss);
+    graph.differentiate({a}, {loss}, [=, &graph] {
+        graph.dispatch("loss/pyramid_loss.backward",
+                       {{"a", a},
+                        {"b", b},
+                        {"counts", counts},
+                        {"scale", scale},
+                        {"dLoss", graph.gradient(loss)},
+                        {"da", graph.gradientTarget(a)}},
+                       params, static_cast<uint64_t>(terms));
+    });
+    return loss;
 }
 
 Tensor keypointLoss(Graph& graph, const Tensor& joints, const Tensor& targets, const Tensor& camera,
@@ -203,6 +238,30 @@ static const Op kDilate3{{
     .outputs = "y",
     .differentiable = "",
     .build = [](OpCall& c) { c.result("y", dilate3(c.graph, c["x"])); },
+}};
+
+static const Op kPyramidLoss{{
+    .name = "pyramid_loss",
+    .inputs = "a b counts[H,W] scale[1]",
+    .attributes = "weight1=1 weight2=0 weight4=0 weight8=0 epsilon=0",
+    .outputs = "loss",
+    .differentiable = "a",
+    .build =
+        [](OpCall& c) {
+            if ((c["a"].shape.size() != 2 && c["a"].shape.size() != 3) ||
+                c["a"].shape != c["b"].shape)
+                throwInput("a, b: expected two pictures [H,W,C] or [H,W] of one shape, found {} {}",
+                           toString(c["a"].shape), toString(c["b"].shape));
+            if (c["counts"].dim(0) != c["a"].dim(0) || c["counts"].dim(1) != c["a"].dim(1))
+                throwInput("counts: expected one number for each pixel of a, found {}",
+                           toString(c["counts"].shape));
+            if (c.attribute("epsilon") < 0)
+                throwInput("attr_epsilon: expected 0 or more, found {}", c.attribute("epsilon"));
+            c.result("loss",
+                     pyramidLoss(c.graph, c["a"], c["b"], c["counts"], c["scale"],
+                                 {c.f("weight1"), c.f("weight2"), c.f("weight4"), c.f("weight8")},
+                                 c.f("epsilon")));
+        },
 }};
 
 }  // namespace doppel

@@ -29,6 +29,17 @@ Tensor ssim(Graph& graph, const Tensor& a, const Tensor& b);
 Tensor keypointLoss(Graph& graph, const Tensor& joints, const Tensor& targets, const Tensor& camera,
                     float scale);
 
+// loss = scale sum over the cell sizes l = 1, 2, 4, 8 of weight_l l^2 sum over cells and channels of
+// rho(the cell's mean of counts (a - b)): pictures compared at several sizes at once, so that what is
+// off by pixels is felt across them. rho(d) = d^2 where epsilon is 0, else sqrt(d^2 + epsilon^2) -
+// epsilon (Charbonnier). a, b [H,W,C] or [H,W]; counts [H,W], how much a pixel counts; scale [1], one
+// over the person's pixels, say. Cells at the far borders are filled with zeros. Gradient to a.
+struct PyramidWeights {
+    float cell1 = 1, cell2 = 0, cell4 = 0, cell8 = 0;
+};
+Tensor pyramidLoss(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& counts,
+                   const Tensor& scale, const PyramidWeights& weights, float epsilon = 0);
+
 // y[...,H,W] = greatest of the 3x3 pixels around each, 0 beyond the border. No gradient.
 Tensor dilate3(Graph& graph, const Tensor& x);
 

@@ -211,6 +211,73 @@ Tensor laplacianLoss(Graph& graph, const Tensor& verts, const MeshTensors& mesh)
     return loss;
 }
 
+Tensor offsetPenalty(Graph& graph, const Tensor& offsets, const Tensor& weight,
+                     const MeshTensors& mesh, float stay, float smooth) {
+    checkVerts(offsets, mesh);
+    CHECK(weight.elements() == mesh.vertexCount, "a vertex has a weight");
+    const uint32_t vertices = vertexCountOf(mesh);
+    const OffsetPenaltyParams params{vertices, 1.0f / static_cast<float>(vertices), stay, smooth};
+    Tensor terms = graph.temporary({vertices}), bends = graph.temporary(offsets.shape);
+    graph.beginOp("offset_penalty");
+    graph.dispatch("mesh/offset_penalty.forward",
+                   {{"offsets", offsets},
+                    {"weight", weight},
+                    {"neighbourBegin", mesh.adjacency.begin},
+                    {"neighbours", mesh.adjacency.neighbours},
+                    {"terms", terms},
+                    {"bends", bends}},
+                   params, vertices);
+    Tensor loss = sum(graph, terms, vertices);
+    graph.differentiate({offsets}, {loss}, [=, &graph] {
+        graph.dispatch("mesh/offset_penalty.backward",
+                       {{"offsets", offsets},
+                        {"weight", weight},
+                        {"neighbourBegin", mesh.adjacency.begin},
+                        {"neighbours", mesh.adjacency.neighbours},
+                        {"bends", bends},
+                        {"dloss", graph.gradient(loss)},
+                        {"doffsets", graph.gradientTarget(offsets)}},
+                       params, vertices);
+    });
+    return loss;
+}
+
+Tensor smoothSolve(Graph& graph, const Tensor& x, const MeshTensors& mesh, float lambda,
+                   int iterations) {
+    checkVerts(x, mesh);
+    CHECK(lambda >= 0 && iterations > 0, "lambda {} and {} iterations smooth", lambda, iterations);
+    const double lowest = 1 / (1 + double{lambda} * static_cast<double>(mesh.mostNeighbours));
+    const double centre = (2 + lowest) / 2, radius = (2 - lowest) / 2;
+    SmoothSolveParams params{vertexCountOf(mesh), lambda, 0, static_cast<float>(1 / centre)};
+    Tensor y = graph.temporary(x.shape), residual = graph.temporary(x.shape);
+    Tensor step = graph.temporary(x.shape), next = graph.temporary(x.shape);
+    graph.beginOp("smooth_solve");
+    graph.dispatch("mesh/smooth_solve.start",
+                   {{"x", x},
+                    {"neighbourBegin", mesh.adjacency.begin},
+                    {"y", y},
+                    {"residual", residual},
+                    {"next", step}},
+                   params, params.vertices);
+    double before = radius / centre;
+    for (int i = 1; i < iterations; ++i) {
+        const double now = 1 / (2 * centre / radius - before);
+        params.ofStep = static_cast<float>(now * before);
+        params.ofResidual = static_cast<float>(2 * now / radius);
+        before = now;
+        graph.dispatch("mesh/smooth_solve.iterate",
+                       {{"neighbourBegin", mesh.adjacency.begin},
+                        {"neighbours", mesh.adjacency.neighbours},
+                        {"y", y},
+                        {"residual", residual},
+                        {"step", step},
+                        {"next", next}},
+                       params, params.vertices);
+        std::swap(step, next);
+    }
+    return y;
+}
+
 Tensor normalConsistencyLoss(Graph& graph, const Tensor& verts, const MeshTensors& mesh) {
     checkVerts(verts, mesh);
     auto faces = u32(mesh.faceCount);
@@ -382,6 +449,36 @@ static const Op kLaplacianLoss{{
     .outputs = "loss",
     .differentiable = "verts",
     .build = [](OpCall& c) { c.result("loss", laplacianLoss(c.graph, c["verts"], meshOf(c))); },
+}};
+
+static const Op kOffsetPenalty{{
+    .name = "offset_penalty",
+    .inputs = "verts[V,3] weight[V] faces:i32[F,3]",
+    .attributes = "stay=1 smooth=1",
+    .outputs = "loss",
+    .differentiable = "verts",
+    .build =
+        [](OpCall& c) {
+            c.result("loss", offsetPenalty(c.graph, c["verts"], c["weight"], meshOf(c), c.f("stay"),
+                                           c.f("smooth")));
+        },
+}};
+
+static const Op kSmoothSolve{{
+    .name = "smooth_solve",
+    .inputs = "verts[V,3] faces:i32[F,3]",
+    .attributes = "lambda=10 iterations=32",
+    .outputs = "y",
+    .build =
+        [](OpCall& c) {
+            const uint32_t iterations = c.u("iterations");
+            if (iterations < 1 || iterations > 10000)
+                throwInput("attr_iterations: expected 1 to 10000, found {}", iterations);
+            if (c.attribute("lambda") < 0)
+                throwInput("attr_lambda: expected 0 or more, found {}", c.attribute("lambda"));
+            c.result("y", smoothSolve(c.graph, c["verts"], meshOf(c), c.f("lambda"),
+                                      static_cast<int>(iterations)));
+        },
 }};
 
 static const Op kNormalConsistencyLoss{{

@@ -5,6 +5,7 @@
 #include "engine/files/numbers.h"
 #include "nn/core/op.h"
 #include "nn/core/places.h"
+#include "nn/ops/elementwise.h"
 #include "nn/ops/linalg.h"
 #include "optim/params.h"
 
@@ -89,13 +90,13 @@ void adamwStep(Graph& graph, const Parameters& parameters, const AdamWOptions& o
 }
 
 void adamwRow(Graph& graph, const Tensor& table, const Tensor& gradient, const Tensor& moment1,
-              const Tensor& moment2, const AdamWOptions& options) {
+              const Tensor& moment2, const AdamWOptions& options, const Tensor& ownStep) {
     int64_t rows = table.dim(0), n = gradient.elements();
     CHECK(rows > 0 && table.elements() == rows * n && moment1.elements() == rows * n &&
               moment2.elements() == rows * n,
           "a table {}, its moments and a gradient {} fit", toString(table.shape),
           toString(gradient.shape));
-    Tensor step = graph.step();
+    Tensor step = ownStep ? ownStep : graph.step();
     graph.beginOp("adamw_row");
     graph.dispatch("optim/adamw.row",
                    {{"value", table},
@@ -104,6 +105,30 @@ void adamwRow(Graph& graph, const Tensor& table, const Tensor& gradient, const T
                     {"moment2", moment2},
                     {"step", step}},
                    paramsOf(options, n, rows), static_cast<uint64_t>(n));
+}
+
+void uniformAdam(Graph& graph, const Tensor& value, const Tensor& gradient, const Tensor& moment1,
+                 const Tensor& moment2, const std::function<Tensor(const Tensor&)>& precondition,
+                 const AdamWOptions& options) {
+    CHECK(value.shape.size() == 2 && value.dim(1) == 3 && gradient.shape == value.shape &&
+              moment1.shape == value.shape,
+          "value, gradient and moment1 are [n,3]");
+    const UniformAdamParams params{static_cast<uint32_t>(value.dim(0)), options.beta1,
+                                   options.beta2, options.rateScale};
+    Tensor step = graph.step(), largest = graph.temporary({1}, ElementType::I32);
+    Tensor smooth = precondition(gradient);
+    graph.beginOp("uniform_adam");
+    graph.fill(largest);
+    graph.dispatchGroups("optim/uniform_adam.moments",
+                         {{"gradient", smooth}, {"moment1", moment1}, {"largest", largest}}, params,
+                         {16, 1, 1});
+    graph.dispatch("optim/uniform_adam.update", {{"moment2", moment2}, {"largest", largest}},
+                   params, 1);
+    Tensor direction = precondition(moment1);
+    graph.beginOp("uniform_adam");
+    graph.dispatch("optim/uniform_adam.apply",
+                   {{"moment2", moment2}, {"direction", direction}, {"value", value}, {"step", step}},
+                   params, params.rows);
 }
 
 Tensor clipNorm(Graph& graph, const Tensor& gradient, float maxNorm) {
@@ -202,6 +227,31 @@ static const Op kAdamWRow{{
             c.result("table_out", table);
             c.result("moment1_out", m);
             c.result("moment2_out", v);
+        },
+}};
+
+// Preconditioned by a factor.
+static const Op kUniformAdam{{
+    .name = "uniform_adam",
+    .inputs = "param[n,3] grad[steps,n,3]",
+    .attributes = "lr factor=1 beta1=0.9 beta2=0.99",
+    .outputs = "param_out",
+    .build =
+        [](OpCall& c) {
+            Graph& graph = c.graph;
+            const AdamWOptions options{.beta1 = c.f("beta1"), .beta2 = c.f("beta2")};
+            graph.beginOp("uniform_adam");
+            Tensor value = changeable(graph, c["param"]), g = graph.temporary(value.shape);
+            Tensor m = zeros(graph, value.shape), v = zeros(graph, {1});
+            if (c["grad"].dim(0) != 1)
+                throwInput("grad: expected the gradients of one step, found {}", c["grad"].dim(0));
+            graph.copy(c["grad"].reshaped(g.shape), g);
+            graph.setStep(adamwStepParams(1, c.f("lr"), options));
+            const float factor = c.f("factor");
+            uniformAdam(
+                graph, value, g, m, v,
+                [&](const Tensor& x) { return scaleShift(graph, x, factor, 0); }, options);
+            c.result("param_out", value);
         },
 }};
 

@@ -24,9 +24,17 @@ void adamw(Graph& graph, const Tensor& value, const Tensor& gradient, const Tens
 
 // The same on one row of tables [rows, n]: the row of StepParams.frame, from gradient [n]. The
 // other rows and their moments stay as they are, so the corrections in StepParams are those of how
-// often this row has been updated.
+// often this row has been updated. step: StepParams of this row's own; empty: graph.step().
 void adamwRow(Graph& graph, const Tensor& table, const Tensor& gradient, const Tensor& moment1,
-              const Tensor& moment2, const AdamWOptions& options = {});
+              const Tensor& moment2, const AdamWOptions& options = {}, const Tensor& step = {});
+
+// Adam with one second moment for all rows of value [n,3], so that they keep their directions and
+// relative lengths (shaders/optim/uniform_adam.comp). precondition: a symmetric positive map of
+// [n,3], applied to the gradient and once more to the step, as if what it maps to value were
+// optimised. moment1 [n,3]; moment2 [1] or more, of which the first number is used. No weight decay.
+void uniformAdam(Graph& graph, const Tensor& value, const Tensor& gradient, const Tensor& moment1,
+                 const Tensor& moment2, const std::function<Tensor(const Tensor&)>& precondition,
+                 const AdamWOptions& options = {});
 
 // gradient *= min(1, maxNorm / (‖gradient‖ + 1e-6)) over all parameters together, as PyTorch's
 // clip_grad_norm_; returns ‖gradient‖ before [1]. Sums in a fixed order. Between backward() and the

@@ -16,8 +16,8 @@ constexpr float kTransScale = 0.4f;
 // The keypoint loss's scale, as part of the crop's side: joints farther off pull less.
 constexpr float kKeypointScale = 0.04f;
 
-// What it costs a joint to leave its given rotation, relative to the others. Silhouettes say little
-// of hands, feet, head and the twist of the spine.
+}  // namespace
+
 std::vector<float> jointWeights() {
     std::vector<float> weights(kJointCount, 1);
     for (size_t spine : {joint::kSpine1, joint::kSpine2, joint::kSpine3, joint::kNeck,
@@ -28,8 +28,6 @@ std::vector<float> jointWeights() {
         weights[end] = 20;
     return weights;
 }
-
-}  // namespace
 
 FitStep::FitStep(Device& device, const BodyModel& body, FitStart start, const FitPreset& preset,
                  const CompileOptions& options)
@@ -56,7 +54,7 @@ FitStep::FitStep(Device& device, const BodyModel& body, FitStart start, const Fi
     Pose pose = poseCorrection(graph, selectRow(graph, given, graph.step(), kFrameWord), correction,
                                kTransScale);
     Tensor rest =
-        graph.constant(std::span<const float>(body.templateVertices), {body.vertexCount, 3});
+        graph.constant(body.restVertices(), {body.vertexCount, 3});
     PosedBody posed = lbs(graph, lbsModel(graph, body), rest, pose.theta, beta, pose.trans);
     RasterMesh mesh = rasterMesh(graph, body.faces, body.vertexCount);
     Tensor silhouette = softSilhouette(graph, mesh, posed.verts, camera, size, size);

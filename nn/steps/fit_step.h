@@ -32,6 +32,10 @@ struct FitPreset {
     NUMBERS(FIT_NUMBERS)
 };
 
+// [24] What it costs a joint to leave its given rotation, relative to the others: silhouettes say
+// little of hands, feet and the twist of the spine, and nothing of the way a head is turned.
+std::vector<float> jointWeights();
+
 // What is fitted: the frames' poses and the shape that they share.
 struct FitStart {
     std::vector<float> poses;       // [frames, kPoseRow] as given

@@ -5,6 +5,7 @@
 #include "nn/ops/elementwise.h"
 #include "nn/ops/loss.h"
 #include "nn/ops/mesh.h"
+#include "nn/ops/surface.h"
 
 namespace doppel {
 
@@ -52,18 +53,33 @@ MeshStep::MeshStep(Device& device, const BodyModel& body, const std::array<float
     MeshNetwork network = meshNetwork(graph, body, meshNetConfig(preset), preset.clamps, net);
     LbsModel skin = lbsModel(graph, body);
     Tensor rest =
-        graph.constant(std::span<const float>(body.templateVertices), {body.vertexCount, 3});
+        graph.constant(body.restVertices(), {body.vertexCount, 3});
     Tensor beta = graph.constant(std::span<const float>(betas), {10});
     RasterMesh faces = rasterMesh(graph, body.faces, body.vertexCount);
+    Tensor everywhere;
+    if (preset.loss == SilhouetteLoss::Edges)
+        everywhere = graph.constant(
+            std::vector<float>(static_cast<size_t>(preset.size) * size_t(preset.size), 1.0f),
+            {preset.size, preset.size});
     for (int i = 0; i < preset.batch; ++i) {
         Sample sample{graph.input(kCameraShape), graph.input({preset.size, preset.size}),
-                      graph.input({kThetaSize}), graph.input({3})};
+                      graph.input({kThetaSize}), graph.input({3}), {}};
         Tensor verts = network.refine(skin, rest, beta, sample.theta, sample.trans);
-        Tensor silhouette =
-            softSilhouette(graph, faces, verts, sample.camera, preset.size, preset.size);
         Tensor mask = preset.dilateMask ? dilate3(graph, sample.target) : sample.target;
         // L_m = L_s + λ_gl L_gl + λ_gn L_gn
-        losses.term("iou_loss", preset.silhouette, silhouetteIouLoss(graph, silhouette, mask));
+        if (preset.loss == SilhouetteLoss::Soft) {
+            Tensor silhouette =
+                softSilhouette(graph, faces, verts, sample.camera, preset.size, preset.size);
+            losses.term("iou_loss", preset.silhouette, silhouetteIouLoss(graph, silhouette, mask));
+        } else {
+            sample.scale = graph.input({1});
+            Tensor alpha = surfaceRender(graph, faces, verts, sample.camera, nullptr, preset.size,
+                                         preset.size)
+                               .alpha;
+            losses.term("edges", preset.silhouette,
+                        pyramidLoss(graph, alpha, mask, everywhere, sample.scale,
+                                    {.cell1 = 2, .cell2 = 1, .cell4 = .5f, .cell8 = .25f}));
+        }
         losses.term("laplacian", preset.laplacian, laplacianLoss(graph, verts, network.mesh));
         losses.term("normal", preset.normal, normalConsistencyLoss(graph, verts, network.mesh));
         samples.push_back(sample);

@@ -17,6 +17,9 @@
 namespace doppel {
 
 CHOICE_WORDS(ClampBounds, Paper, Program, None)
+// What compares silhouettes: the soft one, by its IoU, or hard samples whose edges pull, at several
+// sizes (nn/ops/surface.h, pyramidLoss).
+CHOICES(SilhouetteLoss, Soft, Edges)
 
 // Stage 1: the mesh refinement network G_m.
 #define MESH_NUMBERS(NUMBER, FLAG, CHOICE)                                                      \
@@ -40,6 +43,7 @@ CHOICE_WORDS(ClampBounds, Paper, Program, None)
     NUMBER(double, gradientClip, 0, 0, kNoLimit, "largest gradient norm, 0: none; program: 2")  \
     FLAG(dilateMask, false, "the mask grows by a pixel before the loss; program: true")         \
     FLAG(balanceHeadings, false, "frames are drawn evenly over 8 body headings; program: true") \
+    CHOICE(SilhouetteLoss, loss, Soft, "L_s: the soft silhouette's IoU, or edges, without its bias")  \
     CHOICE(ClampBounds, clamps, Paper, "whose table of K(v) bounds the blocks' offsets")
 struct MeshPreset {
     NUMBERS(MESH_NUMBERS)
@@ -73,9 +77,10 @@ MeshNetwork meshNetwork(Graph& graph, const BodyModel& body, const MeshNetConfig
 struct MeshStep {
     struct Sample {
         Tensor camera, target, theta, trans;  // kCameraShape, [S,S], [72], [3]: inputs
+        Tensor scale;  // [1] one over the mask's sum; input where edges are compared, else empty
     };
     Graph graph;
-    Losses losses{graph};  // iou_loss (L_s), laplacian (L_gl), normal (L_gn)
+    Losses losses{graph};  // iou_loss or edges (L_s), laplacian (L_gl), normal (L_gn)
     std::vector<Sample> samples;
 
     // net: as declared by addMeshNetParameters() and allocated; outlives the step.

@@ -20,6 +20,12 @@ struct KeypointLossParams {
     uint joints;
     float scale;  // pixels
 };
+struct PyramidLossParams {
+    uint width, height, channels;
+    uint blocksAcross, blocks;  // of 8x8 pixels: in a line, in all
+    float weight1, weight2, weight4, weight8;  // of cells of so many pixels a side
+    float epsilon;
+};
 struct Dilate3Params {
     uint n;  // elements of all pictures
     uint width, height;

@@ -27,6 +27,15 @@ struct GraphPanelsParams {
     uint halfColumns;  // H: columns for the vertex itself, and as many for its neighbours
     Divisor byPieces;  // invocations of a vertex
 };
+struct OffsetPenaltyParams {
+    uint vertices;
+    float scale, stay, smoothness;
+};
+struct SmoothSolveParams {
+    uint vertices;
+    float lambda;
+    float ofStep, ofResidual;  // the iteration's coefficients
+};
 SHARED_CONSTANT float kNormalEpsilon = 1e-6f;  // m^2; see vertexNormals()
 SHARED_END
 #endif

@@ -16,5 +16,10 @@ struct ClipParams {
     uint parts;  // sums of squares
     float maxNorm;
 };
+struct UniformAdamParams {
+    uint rows;
+    float beta1, beta2;
+    float rateScale;  // times the step's learning rate
+};
 SHARED_END
 #endif

@@ -37,6 +37,18 @@ struct VisibilityMapParams {
     uint faces, size;
     uint largeBox;
 };
+// See SurfaceRender in nn/ops/surface.h.
+struct SurfaceParams {
+    uint width, height;  // of the picture, pixels
+    uint textureWidth, textureHeight;
+    float edgeJump;   // m
+    Divisor byWidth;  // of a line of samples
+};
+struct SurfaceGradientParams {
+    uint faces, vertices;
+    uint width, height;  // of the samples
+    uint largeBox;       // a face whose box holds more samples is shared by a workgroup
+};
 const uint kSpan = 16;  // neighbouring pixels, in reading order, that are shaded together
 SHARED_END
 #endif

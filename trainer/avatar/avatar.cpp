@@ -86,7 +86,7 @@ void writeLiveAvatar(const fs::path& out, const Avatar& avatar) {
 void claimAvatar(const fs::path& folder) {
     claimFiles(folder, kAvatarKind,
                {"avatar.toml", "body.npz", "mesh_net.safetensors", "texture_net.safetensors",
-                "refine_net.safetensors", "texture.png", "texture_baked.png", "preview.png",
+                "refine_net.safetensors", "texels.png", "texture.png", "texture_baked.png", "preview.png",
                 "progress.png", "checkpoints", "log"});
 }
 
@@ -119,6 +119,7 @@ void writeAvatar(const fs::path& folder, const Avatar& avatar) {
     writeNetwork(folder / "mesh_net.safetensors", avatar.meshNet);
     writeNetwork(folder / "texture_net.safetensors", avatar.textureNet);
     writeNetwork(folder / "refine_net.safetensors", avatar.refineNet);
+    writeTexture(folder / "texels.png", avatar.texels, avatar.textureSize);
     writeTexture(folder / "texture.png", avatar.texture, avatar.textureSize);
     writeTexture(folder / "texture_baked.png", avatar.bakedTexture, avatar.textureSize);
 
@@ -176,9 +177,20 @@ Avatar readAvatar(const fs::path& folder) {
     avatar.meshNet = readNetwork(folder / "mesh_net.safetensors");
     avatar.textureNet = readNetwork(folder / "texture_net.safetensors");
     avatar.refineNet = readNetwork(folder / "refine_net.safetensors");
+    avatar.texels = readTexture(folder / "texels.png", avatar.textureSize);
     avatar.texture = readTexture(folder / "texture.png", avatar.textureSize);
     avatar.bakedTexture = readTexture(folder / "texture_baked.png", avatar.textureSize);
     return avatar;
+}
+
+void setOffsets(Avatar& avatar, const std::vector<float>& offsets) {
+    CHECK(offsets.empty() || offsets.size() == avatar.body.templateVertices.size(),
+          "a vertex has an offset");
+    avatar.body.offsets = offsets;
+    if (offsets.empty())
+        avatar.bodyArrays.remove("offsets");
+    else
+        avatar.bodyArrays.set("offsets", Array::f32({avatar.body.vertexCount, 3}, offsets));
 }
 
 TextureKind textureKind(std::string_view word, std::string_view where) {

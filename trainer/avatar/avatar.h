@@ -1,7 +1,9 @@
 // An avatar: a body, the networks that make it a person, and its texture; on disk a folder:
 //
 //     avatar.toml               name, seed, preset, every number of the run, where it came from
-//     body.npz                  the body model, and the person's betas
+//     body.npz                  the body model, the person's betas and, once stage "shape" is
+//                               done, her offsets [V,3] beyond the model
+//     texels.png                once stage "texels" is done: the texture that networks paint over
 //     mesh_net.safetensors      once stage "mesh" is done
 //     texture_net.safetensors   once stage "texture" is done
 //     texture.png               the atlas as the texture network paints it for all sides
@@ -35,7 +37,7 @@ struct Avatar {
     WeightMap meshNet, textureNet, refineNet;  // empty: that stage has not been trained
     int textureSize = 0;
     // [size,size,3] sRGB-encoded in [0,1]; empty: none yet.
-    std::vector<float> texture, bakedTexture;
+    std::vector<float> texels, texture, bakedTexture;
 
     // Forgets what stage "refine" made, as when the stages before it are trained again.
     void clearRefinement() {
@@ -54,6 +56,9 @@ enum class TextureKind { Best, Coarse, Refined, Baked };
 TextureKind textureKind(std::string_view word, std::string_view where = "--texture");
 // InputError, naming the avatar's folder and what to train, where it has no such texture.
 void requireTexture(const Avatar& avatar, TextureKind kind, const std::filesystem::path& folder);
+
+// Gives the avatar's body these offsets [V,3]; empty: none.
+void setOffsets(Avatar& avatar, const std::vector<float>& offsets);
 
 Avatar readAvatar(const std::filesystem::path& folder);
 // Creates or updates the folder; each file appears whole or not at all. Files of networks that the

@@ -21,7 +21,7 @@ struct AvatarRenderer::MeshRecording {
         trans = graph.input({3});
         Tensor beta = graph.constant(std::span<const float>(avatar.betas), {10});
         Tensor rest =
-            graph.constant(std::span<const float>(body.templateVertices), {body.vertexCount, 3});
+            graph.constant(body.restVertices(), {body.vertexCount, 3});
         LbsModel skin = lbsModel(graph, body);
         if (refined && !avatar.meshNet.empty()) {
             declareMeshNet(net, avatar, 0);
@@ -49,7 +49,7 @@ struct AvatarRenderer::TextureRecording {
     // Of the vertices in source; leaves the texture in target as well.
     TextureRecording(Device& device, const Avatar& avatar, bool refined, const BufferView& source,
                      const BufferView& target)
-        : net(device, avatar.preset.texture, avatar.textureNet), graph(device) {
+        : net(device, avatar), graph(device) {
         const BodyModel& body = avatar.body;
         Tensor verts = graph.attach(source, {body.vertexCount, 3});
         RasterMesh mesh = rasterMesh(graph, body.faces, body.vertexCount);

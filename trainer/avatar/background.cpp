@@ -13,8 +13,8 @@ constexpr int kRim = 3;
 // A median of this many frames, evenly taken, is as good as one of all.
 constexpr size_t kMedianFrames = 31;
 
-// Fills what is not known with the mean of known neighbours, coarse to fine: halve until all is
-// known, then come back.
+}  // namespace
+
 void fillHoles(std::vector<float>& rgb, std::vector<uint8_t>& known, size_t width, size_t height) {
     if (std::ranges::all_of(known, [](uint8_t k) { return k != 0; })) return;
     if (width == 1 && height == 1) {
@@ -47,8 +47,6 @@ void fillHoles(std::vector<float>& rgb, std::vector<uint8_t>& known, size_t widt
                 rgb[3 * (y * width + x) + c] = half[3 * (y / 2 * halfWidth + x / 2) + c];
         }
 }
-
-}  // namespace
 
 std::vector<uint8_t> dilateMask(const std::vector<uint8_t>& mask, int width, int height,
                                 int radius) {

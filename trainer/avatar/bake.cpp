@@ -170,7 +170,7 @@ void bakeTexture(Device& device, Avatar& avatar, const std::vector<std::vector<f
     TextureBaker baker(avatar.body, avatar.textureSize);
     for (const std::vector<float>& verts : views) baker.add(renderer.texture(verts), verts);
     // As the network paints it, not as eight bits keep it: the same for an avatar from disk.
-    TextureNet coarse(device, avatar.preset.texture, avatar.textureNet);
+    TextureNet coarse(device, avatar);
     avatar.bakedTexture = baker.result(paintedTexture(device, coarse));
 }
 

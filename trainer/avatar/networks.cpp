@@ -33,16 +33,18 @@ MeshNetwork meshNetwork(Graph& graph, const Avatar& avatar, const Parameters& pa
 
 // ---- stage 2 ------------------------------------------------------------------------------------
 
-TextureNet::TextureNet(Device& device, const TexturePreset& preset, uint64_t seed)
-    : preset_(preset), unet_(unetConfig(preset), "texture", static_cast<uint32_t>(seed)) {
+TextureNet::TextureNet(Device& device, const Avatar& avatar, uint64_t seed)
+    : preset_(avatar.preset.texture),
+      unet_(unetConfig(preset_), "texture", static_cast<uint32_t>(seed), avatar.texels) {
     unet_.allocate(device);
 }
 
-TextureNet::TextureNet(Device& device, const TexturePreset& preset, const WeightMap& weights)
-    : preset_(preset), unet_(unetConfig(preset), "texture", std::nullopt) {
+TextureNet::TextureNet(Device& device, const Avatar& avatar)
+    : preset_(avatar.preset.texture),
+      unet_(unetConfig(preset_), "texture", std::nullopt, avatar.texels) {
     unet_.allocate(device);
-    loadWeights(unet_.parameters(), weights, "texture_net.safetensors");
-    loadWeights(unet_.statistics(), weights, "texture_net.safetensors");
+    loadWeights(unet_.parameters(), avatar.textureNet, "texture_net.safetensors");
+    loadWeights(unet_.statistics(), avatar.textureNet, "texture_net.safetensors");
 }
 
 WeightMap TextureNet::weights() const { return weightsOf(unet_); }
@@ -62,7 +64,7 @@ std::vector<float> paintedTexture(Device& device, const TextureNet& net) {
 }
 
 void paintTexture(Device& device, Avatar& avatar) {
-    TextureNet net(device, avatar.preset.texture, avatar.textureNet);
+    TextureNet net(device, avatar);
     avatar.textureSize = avatar.preset.texture.textureSize;
     avatar.texture = paintedTexture(device, net);
 }

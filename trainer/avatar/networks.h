@@ -22,9 +22,9 @@ MeshNetwork meshNetwork(Graph& graph, const Avatar& avatar, const Parameters& pa
 // G_TN: visibility maps in, textures [size,size,3] in [0,1] out.
 class TextureNet {
 public:
-    // With fresh weights, and with an avatar's.
-    TextureNet(Device& device, const TexturePreset& preset, uint64_t seed);
-    TextureNet(Device& device, const TexturePreset& preset, const WeightMap& weights);
+    // Fresh, and with the avatar's weights; over the avatar's texels, where it has some.
+    TextureNet(Device& device, const Avatar& avatar, uint64_t seed);
+    TextureNet(Device& device, const Avatar& avatar);
 
     // maps [size,size] of a batch; none: a map of ones, which paints all sides at once. One texture
     // per map.

@@ -85,6 +85,15 @@ void copySection(Preset& to, const Preset& from, std::string_view section) {
 Preset presetByName(std::string_view name) {
     Preset preset;  // the declarations' values are the paper's
     preset.name = name;
+    preset.texels.lrTheta = .005;
+    preset.texels.lrTrans = .0015;
+    preset.texels.lrOffsets = .01;
+    preset.texels.priorTheta = .02;
+    preset.texels.priorTrans = .2;
+    preset.texels.silhouette1 = 1;
+    preset.texels.silhouette2 = .5;
+    preset.texels.silhouette4 = .25;
+    preset.texels.silhouette8 = 0;
     if (name == "paper") {
         return preset;
     }
@@ -93,6 +102,7 @@ Preset presetByName(std::string_view name) {
     // features needs larger first weights, and one of fewer steps a higher rate and less smoothing.
     preset.mesh.gradientClip = 2;
     preset.mesh.balanceHeadings = true;
+    preset.mesh.loss = SilhouetteLoss::Edges;
     preset.mesh.lr = 1e-3;
     preset.mesh.normal = .05;
     preset.mesh.batch = 1;
@@ -107,6 +117,9 @@ Preset presetByName(std::string_view name) {
     if (name == "small") {
         preset.mesh.hidden = 64;
         preset.mesh.deviation = .02;
+        preset.shape.size = preset.texels.size = 512;
+        preset.shape.steps = 400;
+        preset.texels.steps = 400;
         preset.mesh.lr = 5e-4;
         preset.mesh.steps = 1500;
         preset.texture.width = 16;
@@ -118,6 +131,8 @@ Preset presetByName(std::string_view name) {
     }
     if (name == "ci") {
         preset.fit.passes = 25;
+        preset.shape.steps = 200;
+        preset.texels.steps = 200;
         preset.mesh.blocks = 2;
         preset.mesh.layers = 3;
         preset.mesh.hidden = 32;

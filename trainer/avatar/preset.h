@@ -12,6 +12,7 @@
 #include "nn/steps/fit_step.h"
 #include "nn/steps/mesh_step.h"
 #include "nn/steps/refine_step.h"
+#include "nn/steps/surface_step.h"
 #include "nn/steps/texture_step.h"
 
 namespace doppel {
@@ -19,6 +20,8 @@ namespace doppel {
 // A section per stage, in the order of the stages. Its numbers are declared beside its step.
 #define PRESET_SECTIONS(SECTION)    \
     SECTION(FitPreset, fit)         \
+    SECTION(SurfacePreset, shape)   \
+    SECTION(SurfacePreset, texels)  \
     SECTION(MeshPreset, mesh)       \
     SECTION(TexturePreset, texture) \
     SECTION(RefinePreset, refine)

@@ -18,6 +18,7 @@
 #include "trainer/data/progress.h"
 #include "trainer/eval/evaluate.h"
 #include "trainer/motion/synthetic.h"
+#include "trainer/stages/surface.h"
 #include "trainer/stages/train.h"
 
 namespace doppel {
@@ -68,7 +69,7 @@ void runDemo(const DemoOptions& options) {
     std::filesystem::path out = options.out;
     catchInterrupts();
     claimFiles(out, "demo",
-               {"capture", "avatar", "avatar.glb", "turntable.mp4", "reenact.mp4", "contact.png",
+               {"capture", "avatar", "held-out", "avatar.glb", "turntable.mp4", "reenact.mp4", "contact.png",
                 "metrics.json"});
     const FolderLock lock(out);
     Device device(options.common.deviceOptions());
@@ -96,7 +97,7 @@ void runDemo(const DemoOptions& options) {
     TrainSettings settings;
     settings.out = out / "avatar";
     settings.seed = options.common.seed;
-    settings.stages = stageNames();
+    settings.stages = stagesOf(options.preset, stageNames());
     settings.pictureSeconds = 0;
     TrainResult trained = trainAvatar(device, std::move(avatar), capture.subset(seen), settings);
     const Avatar& person = trained.avatar;
@@ -109,9 +110,14 @@ void runDemo(const DemoOptions& options) {
     FitResult testFit = fitCapture(
         device, person.body, testFitted,
         {.preset = person.preset.fit, .fitShape = false, .loop = {.seed = options.common.seed}});
+    fitPosesToPictures(device, person, testFitted, false, {.seed = options.common.seed});
+    Capture testByPictures = testFitted;
+    fitPosesToPictures(device, person, testByPictures, true, {.seed = options.common.seed});
     FrameCache testFrames(test);
     double iouGiven = mean(silhouetteIous(device, person.body, test, testFrames));
-    std::vector<FrameMetrics> metrics = evaluateAvatar(device, person, testFitted);
+    std::vector<FrameMetrics> metrics =
+        evaluateAvatar(device, person, testFitted, out / "held-out");
+    FrameMetrics byPictures = meanMetrics(evaluateAvatar(device, person, testByPictures));
     Capture unfitted = test;
     unfitted.betas = person.betas;
     FrameMetrics result = meanMetrics(metrics),
@@ -165,6 +171,14 @@ void runDemo(const DemoOptions& options) {
     fmt::print("  after mesh refinement   {:.3f}\n", result.iou);
     fmt::print("  PSNR of the body        {:.2f} dB, SSIM of the frame {:.3f}\n", result.psnrBody,
                result.ssimFrame);
+    fmt::print("  {:<24}{:>10} {:>12}\n", "poses fitted to", "masks", "pictures");
+    auto row = [](std::string_view name, double a, double b) {
+        fmt::print("  {:<24}{:>10.3f} {:>12.3f}\n", name, a, b);
+    };
+    row("iou", result.iou, byPictures.iou);
+    row("psnr_body", result.psnrBody, byPictures.psnrBody);
+    for (size_t i = 0; i < result.figures.size(); ++i)
+        row(result.figures[i].first, result.figures[i].second, byPictures.figures.at(i).second);
     fmt::print(
         "in {}: avatar/, avatar.glb, turntable.mp4, reenact.mp4, contact.png, "
         "metrics.json\n",

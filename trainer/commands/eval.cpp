@@ -10,6 +10,7 @@
 #include "trainer/eval/measures.h"
 #include "trainer/eval/results.h"
 #include "trainer/stages/fit.h"
+#include "trainer/stages/surface.h"
 
 namespace doppel {
 
@@ -27,7 +28,7 @@ Evaluation evaluateOne(Device& device, const std::filesystem::path& avatarFolder
     Capture capture = whole.subset(selectFrames(options.frames, whole.size()));
     capture.requireMasks();
     if (settings) settings->insert(settings->end(), {{"preset", avatar.preset.name}});
-    if (options.fitTestPoses) {
+    if (!options.fitTestPoses.empty()) {
         capture.betas = avatar.betas;
         FitResult fit = fitCapture(device, avatar.body, capture,
                                    {.preset = avatar.preset.fit,
@@ -37,6 +38,8 @@ Evaluation evaluateOne(Device& device, const std::filesystem::path& avatarFolder
             settings->emplace_back("body_iou_before_fit", fmt::format("{:.4f}", fit.iouBefore));
             settings->emplace_back("body_iou_after_fit", fmt::format("{:.4f}", fit.iouAfter));
         }
+        fitPosesToPictures(device, avatar, capture, options.fitTestPoses == "pictures",
+                           {.seed = options.common.seed});
     }
     EvaluateSettings evaluate;
     evaluate.pictures = pictures;
@@ -52,13 +55,15 @@ Evaluation evaluateOne(Device& device, const std::filesystem::path& avatarFolder
 void printOne(const Evaluation& evaluation, const EvalOptions& options, const Measures& measures) {
     FrameMetrics mean = meanMetrics(evaluation.frames);
     fmt::print("{} frames, poses {}\n", evaluation.frames.size(),
-               options.fitTestPoses ? "fitted to their masks" : "as given");
+               options.fitTestPoses.empty() ? "as given"
+                                            : "fitted to their " + options.fitTestPoses);
     fmt::print("  silhouette IoU  {:.3f}\n", mean.iou);
     fmt::print("  PSNR            {:.2f} dB over the body, {:.2f} dB over the frame\n",
                mean.psnrBody, mean.psnrFrame);
     fmt::print("  SSIM            {:.3f} over the body, {:.3f} over the frame\n", mean.ssimBody,
                mean.ssimFrame);
     fmt::print("  MSE             {:.1f} over the frame (8-bit units)\n", mean.mseFrame);
+    for (const auto& [name, value] : mean.figures) fmt::print("  {:<18}{:.3f}\n", name, value);
     if (mean.lpips)
         fmt::print("  LPIPS           {:.3f} ({})\n", *mean.lpips,
                    lpipsNetName(measures.lpips->net()));
@@ -88,7 +93,7 @@ void runEval(const EvalOptions& options) {
         {"avatar", options.avatar.string()},
         {"capture", options.capture.string()},
         {"frames", options.frames.empty() ? "all" : options.frames},
-        {"fit_test_poses", options.fitTestPoses ? "true" : "false"},
+        {"fit_test_poses", options.fitTestPoses.empty() ? "no" : options.fitTestPoses},
         {"seed", fmt::format("{}", options.common.seed)},
         {"scene", options.scene},
         {"lpips_net", options.measures.lpips.empty() ? "" : options.measures.lpipsNet},
@@ -138,8 +143,11 @@ void declareFlags(CommandFlags& flags, EvalOptions& o) {
     flags.path("CAPTURE", o.capture, "Capture with masks, or a folder of captures")->required();
     flags.frames(o.frames, "Frames to compare");
     flags.texture(o.texture);
-    flags->add_flag("--fit-test-poses", o.fitTestPoses,
-                    "Fit poses and positions (not shape) to these frames first");
+    flags
+        ->add_flag("--fit-test-poses{masks}", o.fitTestPoses,
+                   "Fit poses and positions (not the avatar) to these frames first: to their masks, "
+                   "or with =pictures to their colours as well")
+        ->check(CLI::IsMember({"masks", "pictures"}));
     flags.scene(o.scene);
     flags.measures(o.measures);
     flags.path("--out", o.out, "Folder for results.json, results.csv and results.md");

@@ -197,9 +197,7 @@ void checkStages(TrainOptions& options) {
     for (const std::string& word : options.stages)
         if (std::ranges::count(all, word) == 0)
             throwInput("--stages: expected some of {}, found \"{}\"", fmt::join(all, ","), word);
-    std::vector<std::string> stages;
-    for (const std::string& stage : all)
-        if (std::ranges::count(options.stages, stage) > 0) stages.push_back(stage);
+    std::vector<std::string> stages = stagesOf(options.preset, options.stages);
     if (stages.empty())
         throwInput("--stages: expected some of {}, found none", fmt::join(all, ","));
     if (!options.refine) std::erase(stages, "refine");

@@ -13,7 +13,7 @@ BodyPoser::BodyPoser(Device& device, const BodyModel& body) : graph_(device) {
     beta_ = graph_.input({10});
     LbsModel model = lbsModel(graph_, body);
     Tensor rest =
-        graph_.constant(std::span<const float>(body.templateVertices), {body.vertexCount, 3});
+        graph_.constant(body.restVertices(), {body.vertexCount, 3});
     PosedBody posed = lbs(graph_, model, rest, theta_, beta_, trans_);
     verts_ = posed.verts;
     joints_ = posed.joints;

@@ -9,6 +9,7 @@
 #include "trainer/avatar/sheet.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"
+#include "trainer/eval/picture_figures.h"
 
 namespace doppel {
 
@@ -51,6 +52,26 @@ private:
     std::vector<float> clean_;
 };
 
+// Where the body's head is seen, and a few pixels around it.
+PixelRect headRect(const BodyModel& body, const PosedMesh& posed, const Camera& camera) {
+    constexpr double kAround = 3;
+    double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
+    for (size_t v = 0; v < body.part.size(); ++v) {
+        if (body.part[v] != kHead) continue;
+        const std::array<double, 3> x{double{posed.verts[3 * v]}, double{posed.verts[3 * v + 1]},
+                                      double{posed.verts[3 * v + 2]}};
+        if (!(x[2] > 0)) return {};
+        const auto [u, w] = camera.project(x);
+        low[0] = std::min(low[0], u), high[0] = std::max(high[0], u);
+        low[1] = std::min(low[1], w), high[1] = std::max(high[1], w);
+    }
+    auto pixel = [](double at, int size) {
+        return static_cast<int>(std::clamp(at, 0.0, static_cast<double>(size)));
+    };
+    return {pixel(low[0] - kAround, camera.width), pixel(low[1] - kAround, camera.height),
+            pixel(high[0] + kAround + 1, camera.width), pixel(high[1] + kAround + 1, camera.height)};
+}
+
 double greatestDifference(std::span<const float> a, std::span<const float> b) {
     double greatest = 0;
     for (size_t i = 0; i < a.size(); ++i)
@@ -72,6 +93,7 @@ Evaluation evaluateCapture(Device& device, const Avatar& avatar, const Capture& 
         background.emplace(settings.background, whole, wholeFrames);
     }
     AvatarRenderer renderer(device, avatar, true, settings.texture);
+    BodyPoser poser(device, avatar.body);
     auto submit = [&](size_t i) {
         renderer.submit(capture.theta[i], capture.trans[i], capture.frames[i].camera, kSamples);
     };
@@ -98,6 +120,10 @@ Evaluation evaluateCapture(Device& device, const Avatar& avatar, const Capture& 
         result.frames.push_back(
             measureFrame(frame.name, render, target, silhouette, picture->mask, w, h));
         FrameMetrics& metrics = result.frames.back();
+        metrics.figures = pictureFigures(
+            {w, h, render, target, drawing.rgb, drawing.mask, picture->mask,
+             headRect(avatar.body, poser.pose(capture.theta[i], capture.trans[i], avatar.betas),
+                      frame.camera)});
         if (settings.lpips) metrics.lpips = settings.lpips->distance(render, target, w, h);
         if (settings.videoFeatures) {
             realVideo.push_back(VideoFeatures::prepare(target, w, h));

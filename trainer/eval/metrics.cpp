@@ -150,6 +150,19 @@ FrameMetrics meanMetrics(std::span<const FrameMetrics> frames) {
         mean.mseFrame += f.mseFrame / n;
         if (mean.lpips) *mean.lpips += *f.lpips / n;
     }
+    // A head may be out of the picture.
+    std::vector<double> counts;
+    for (const FrameMetrics& f : frames)
+        for (const auto& [name, value] : f.figures) {
+            auto there = std::ranges::find(mean.figures, name, &std::pair<std::string, double>::first);
+            if (there == mean.figures.end()) {
+                there = mean.figures.insert(there, {name, 0});
+                counts.push_back(0);
+            }
+            there->second += value;
+            counts[static_cast<size_t>(there - mean.figures.begin())] += 1;
+        }
+    for (size_t i = 0; i < counts.size(); ++i) mean.figures[i].second /= counts[i];
     return mean;
 }
 
@@ -167,6 +180,7 @@ std::string metricsJson(std::span<const FrameMetrics> frames,
                   {"ssim_frame", m.ssimFrame},
                   {"mse_frame", m.mseFrame}};
         if (m.lpips) json["lpips"] = *m.lpips;
+        for (const auto& [name, value] : m.figures) json[name] = value;
         return json;
     };
     Json json{{"frames", frames.size()}};

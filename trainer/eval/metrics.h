@@ -37,6 +37,7 @@ struct FrameMetrics {
     std::string name;
     double iou = 0, psnrBody = 0, psnrFrame = 0, ssimBody = 0, ssimFrame = 0, mseFrame = 0;
     std::optional<double> lpips;  // of the whole frame; nothing where it was not asked for
+    std::vector<std::pair<std::string, double>> figures;  // trainer/eval/picture_figures.h
 };
 
 // rendered and frame: [H][W][3], the render composited on the capture's background. silhouette and
@@ -48,11 +49,11 @@ FrameMetrics measureFrame(std::string name, std::span<const float> rendered,
 // Mean |a - b| over pixels and channels, in 8-bit units. a, b: of the same size, in [0,1].
 double meanDifference(std::span<const float> a, std::span<const float> b);
 
-// Means over the frames; LPIPS where every frame has it.
+// Means over the frames; LPIPS where every frame has it, each figure over the frames that have it.
 FrameMetrics meanMetrics(std::span<const FrameMetrics> frames);
 
 // One object: frames (their number), iou, psnr_body, psnr_frame, ssim_body, ssim_frame, mse_frame,
-// lpips where it was measured, `more` (null where there is no figure), settings (the given pairs in
+// lpips and figures where they were measured, `more` (null where there is no figure), settings (the given pairs in
 // order, each name once), remarks where there are any, per_frame where asked for.
 std::string metricsJson(std::span<const FrameMetrics> frames,
                         const std::vector<std::pair<std::string, std::string>>& settings,

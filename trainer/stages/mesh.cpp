@@ -39,7 +39,10 @@ void trainMesh(Device& device, TrainResult& result, const TrainSettings& setting
             size_t frame = drawn[k];
             step.graph.write(sample.theta, std::span<const float>(capture.theta[frame]));
             step.graph.write(sample.trans, std::span<const float>(capture.trans[frame]));
-            step.graph.write(sample.target, frames.mask(frame));
+            const std::vector<float> mask = frames.mask(frame);
+            step.graph.write(sample.target, mask);
+            if (sample.scale)
+                step.graph.write(sample.scale, std::vector<float>{1 / personPixels(mask)});
             step.graph.write(
                 sample.camera,
                 cameraValues(rasterCamera(frames.camera(frame), preset.sigma, preset.blurRadius)));

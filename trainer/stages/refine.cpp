@@ -32,7 +32,7 @@ void trainRefine(Device& device, TrainResult& result, const TrainSettings& setti
     const Capture& capture = result.capture;
     // A profile keeps nothing that this stage could stand on: a fresh network does as well.
     if (settings.profileSteps > 0 && avatar.textureNet.empty()) {
-        avatar.textureNet = TextureNet(device, avatar.preset.texture, settings.seed).weights();
+        avatar.textureNet = TextureNet(device, avatar, settings.seed).weights();
         paintTexture(device, avatar);
     }
     if (avatar.textureNet.empty())
@@ -61,7 +61,7 @@ void trainRefine(Device& device, TrainResult& result, const TrainSettings& setti
     }
 
     // The coarse network is in evaluation; with a constant input it paints one texture for all.
-    TextureNet coarseNet(device, avatar.preset.texture, avatar.textureNet);
+    TextureNet coarseNet(device, avatar);
     CoarseTexture coarse;
     if (avatar.preset.texture.constantInput)
         coarse.texture = paintedTexture(device, coarseNet);
@@ -114,7 +114,7 @@ void planRefine(Device& device, const Avatar& avatar, const Capture&,
                 const TrainSettings& settings) {
     const Preset& preset = avatar.preset;
     const auto size = static_cast<size_t>(preset.texture.textureSize);
-    const TextureNet coarseNet(device, preset.texture, settings.seed);
+    const TextureNet coarseNet(device, avatar, settings.seed);
     CoarseTexture coarse;
     if (preset.texture.constantInput)
         coarse.texture.resize(size * size * 3);

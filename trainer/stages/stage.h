@@ -46,6 +46,15 @@ void trainFit(Device& device, TrainResult& result, const TrainSettings& settings
 void planFit(Device& device, const Avatar& avatar, const Capture& capture,
              const TrainSettings& settings);
 
+// Stages "shape" and "texels": the body's own offsets from silhouettes; then its texels, offsets and
+// the poses from silhouettes and colours. Both move the capture's poses.
+void trainShape(Device& device, TrainResult& result, const TrainSettings& settings);
+void trainTexels(Device& device, TrainResult& result, const TrainSettings& settings);
+void planShape(Device& device, const Avatar& avatar, const Capture& capture,
+               const TrainSettings& settings);
+void planTexels(Device& device, const Avatar& avatar, const Capture& capture,
+                const TrainSettings& settings);
+
 // Stage 1: the mesh refinement network G_m against the masks; fills avatar.meshNet.
 void trainMesh(Device& device, TrainResult& result, const TrainSettings& settings);
 void planMesh(Device& device, const Avatar& avatar, const Capture& capture,
@@ -67,6 +76,8 @@ struct Stage {
     std::string name;
     void (*train)(Device&, TrainResult&, const TrainSettings&);
     void (*plan)(Device&, const Avatar&, const Capture&, const TrainSettings&);
+    // Whether the preset leaves it out, as the paper does; empty: never.
+    bool (*isLeftOut)(const Preset&) = nullptr;
     bool movesPoses = false;  // it changes the capture's poses, which the stages after it need
     bool optional = false;    // an avatar is whole without it
     // Of what the stage leaves in an avatar beside its record; empty: nothing. Whether it is there;

@@ -28,7 +28,7 @@ void trainTexture(Device& device, TrainResult& result, const TrainSettings& sett
             verts.push_back(renderer.vertices(capture.theta[i], capture.trans[i]));
     }
 
-    TextureNet net(device, preset, settings.seed);
+    TextureNet net(device, avatar, settings.seed);
     TextureStep step(device, avatar.body, net.unet(), preset, settings.compileOptions());
 
     std::vector<double> weights;
@@ -67,7 +67,7 @@ void trainTexture(Device& device, TrainResult& result, const TrainSettings& sett
 
 void planTexture(Device& device, const Avatar& avatar, const Capture&,
                  const TrainSettings& settings) {
-    const TextureNet net(device, avatar.preset.texture, settings.seed);
+    const TextureNet net(device, avatar, settings.seed);
     TextureStep(device, avatar.body, net.unet(), avatar.preset.texture, settings.compileOptions());
 }
 

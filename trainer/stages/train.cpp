@@ -267,6 +267,22 @@ void trainStages(Device& device, TrainResult& result, const TrainSettings& setti
 const std::vector<Stage>& allStages() {
     static const std::vector<Stage> stages{
         {.name = "fit", .train = trainFit, .plan = planFit, .movesPoses = true},
+        {.name = "shape",
+         .train = trainShape,
+         .plan = planShape,
+         .isLeftOut = [](const Preset& preset) { return preset.shape.steps == 0; },
+         .movesPoses = true,
+         .optional = true,
+         .isIn = [](const Avatar& avatar) { return !avatar.body.offsets.empty(); },
+         .clear = [](Avatar& avatar) { setOffsets(avatar, {}); }},
+        {.name = "texels",
+         .train = trainTexels,
+         .plan = planTexels,
+         .isLeftOut = [](const Preset& preset) { return preset.texels.steps == 0; },
+         .movesPoses = true,
+         .optional = true,
+         .isIn = [](const Avatar& avatar) { return !avatar.texels.empty(); },
+         .clear = [](Avatar& avatar) { avatar.texels.clear(); }},
         {.name = "mesh",
          .train = trainMesh,
          .plan = planMesh,
@@ -295,6 +311,15 @@ const std::vector<Stage>& allStages() {
 std::vector<std::string> stageNames() {
     std::vector<std::string> names;
     for (const Stage& stage : allStages()) names.push_back(stage.name);
+    return names;
+}
+
+std::vector<std::string> stagesOf(const Preset& preset, const std::vector<std::string>& asked) {
+    std::vector<std::string> names;
+    for (const Stage& stage : allStages())
+        if (std::ranges::count(asked, stage.name) > 0 &&
+            !(stage.isLeftOut && stage.isLeftOut(preset)))
+            names.push_back(stage.name);
     return names;
 }
 

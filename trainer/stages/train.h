@@ -23,5 +23,7 @@ TrainResult trainAvatar(Device& device, Avatar avatar, Capture capture,
 
 const std::vector<Stage>& allStages();  // in their order
 std::vector<std::string> stageNames();
+// Those of `asked` that the preset does not leave out, in their order.
+std::vector<std::string> stagesOf(const Preset& preset, const std::vector<std::string>& asked);
 
 }  // namespace doppel

@@ -32,11 +32,11 @@ std::vector<uint8_t> deflated(const std::vector<uint8_t>& bytes) {
 
 TrainingFrames::TrainingFrames(Device& device, const BodyModel& body, const Capture& capture,
                                FrameCache& cache, int size, bool colours, double margin,
-                               uint64_t memoryBudget)
+                               uint64_t memoryBudget, const BackgroundPlate* plate)
     : size_(size) {
     capture.requireMasks();
     uint64_t pixels = static_cast<uint64_t>(size) * static_cast<uint64_t>(size);
-    uint64_t raw = pixels * (colours ? 4 : 1) * capture.size();
+    uint64_t raw = pixels * (plate ? 8 : colours ? 4 : 1) * capture.size();
     compressed_ = raw > (memoryBudget > 0 ? memoryBudget : uint64_t{1} << 30);
     auto keep = [&](const std::vector<float>& values) {
         std::vector<uint8_t> bytes(values.size());
@@ -54,6 +54,11 @@ TrainingFrames::TrainingFrames(Device& device, const BodyModel& body, const Capt
         boxes_.push_back(box);
         masks_.push_back(keep(cut.mask));
         if (colours) images_.push_back(keep(cut.image));
+        if (!plate) continue;
+        insides_.push_back(keep(cut.inside));
+        Picture scene = *cache.load(i);
+        std::ranges::transform(plate->behind(scene), scene.rgb.begin(), toByte);
+        backgrounds_.push_back(keep(crop(scene, frame.camera, box, size).image));
     }
 }
 
@@ -81,20 +86,35 @@ std::vector<float> TrainingFrames::image(size_t frame) const {
     return unpack(images_[frame], 3 * static_cast<size_t>(size_) * static_cast<size_t>(size_));
 }
 
+std::vector<float> TrainingFrames::background(size_t frame) const {
+    if (auto found = ready_.find(frame); found != ready_.end()) return found->second.background;
+    return unpack(backgrounds_.at(frame),
+                  3 * static_cast<size_t>(size_) * static_cast<size_t>(size_));
+}
+
+std::vector<float> TrainingFrames::inside(size_t frame) const {
+    return unpack(insides_.at(frame), static_cast<size_t>(size_) * static_cast<size_t>(size_));
+}
+
 void TrainingFrames::prepare(std::span<const size_t> frames) {
     ready_.clear();
     for (size_t frame : frames) {
         if (ready_.contains(frame)) continue;
-        Ready one{mask(frame), images_.empty() ? std::vector<float>() : image(frame)};
+        Ready one{mask(frame), images_.empty() ? std::vector<float>() : image(frame),
+                  backgrounds_.empty() ? std::vector<float>() : background(frame)};
         ready_.emplace(frame, std::move(one));
     }
 }
 
 uint64_t TrainingFrames::bytesKept() const {
     uint64_t bytes = 0;
-    for (const auto* all : {&masks_, &images_})
+    for (const auto* all : {&masks_, &images_, &backgrounds_, &insides_})
         for (const std::vector<uint8_t>& one : *all) bytes += one.size();
     return bytes;
+}
+
+float personPixels(std::span<const float> mask) {
+    return std::max(1.0f, std::accumulate(mask.begin(), mask.end(), 0.0f));
 }
 
 FrameSampler::FrameSampler(size_t count, uint64_t seed, std::vector<double> weights)

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "nn/body/body.h"
+#include "trainer/avatar/background.h"
 #include "trainer/data/body_render.h"
 #include "trainer/data/capture.h"
 #include "trainer/data/crop.h"
@@ -17,8 +18,10 @@ public:
     // Crops around the body in its present poses, `margin` times as large as the method's box.
     // Each frame is decoded once; its crop stays in memory as bytes, compressed without loss where
     // all of them would take more than memoryBudget (0: 1 GiB).
+    // With a plate, what is behind the person is kept as well.
     TrainingFrames(Device& device, const BodyModel& body, const Capture& capture, FrameCache& cache,
-                   int size, bool colours, double margin = 1, uint64_t memoryBudget = 0);
+                   int size, bool colours, double margin = 1, uint64_t memoryBudget = 0,
+                   const BackgroundPlate* plate = nullptr);
 
     size_t count() const { return cameras_.size(); }
     int size() const { return size_; }
@@ -26,6 +29,9 @@ public:
     const CropBox& box(size_t frame) const { return boxes_[frame]; }
     std::vector<float> mask(size_t frame) const;   // [S,S] in [0,1]
     std::vector<float> image(size_t frame) const;  // [S,S,3] sRGB-encoded in [0,1]
+    // [S,S,3] the scene without the person; needs a plate.
+    std::vector<float> background(size_t frame) const;
+    std::vector<float> inside(size_t frame) const;  // [S,S] the part of a pixel in the frame
 
     // Makes mask() and image() of these frames ready, in place of those made ready before: what the
     // host does for the next step while the device works on this one.
@@ -36,7 +42,7 @@ public:
 
 private:
     struct Ready {
-        std::vector<float> mask, image;
+        std::vector<float> mask, image, background;
     };
     std::vector<float> unpack(const std::vector<uint8_t>& bytes, size_t count) const;
 
@@ -44,9 +50,12 @@ private:
     std::vector<Camera> cameras_;
     std::vector<CropBox> boxes_;
     bool compressed_ = false;
-    std::vector<std::vector<uint8_t>> masks_, images_;
+    std::vector<std::vector<uint8_t>> masks_, images_, backgrounds_, insides_;
     std::map<size_t, Ready> ready_;
 };
+
+// A mask's sum, 1 at least: what a picture's loss is counted by.
+float personPixels(std::span<const float> mask);
 
 // Frame numbers in random order, each once per round; the same for the same seed. Where weights
 // are given, frames are drawn with replacement in their proportion.

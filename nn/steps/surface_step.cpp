@@ -1,0 +1,161 @@
+#include "nn/steps/surface_step.h"
+
+#include <algorithm>
+#include <cstddef>
+
+#include "nn/ops/body.h"
+#include "nn/ops/elementwise.h"
+#include "nn/ops/fit.h"
+#include "nn/ops/loss.h"
+#include "nn/ops/mesh.h"
+#include "nn/steps/fit_step.h"
+
+namespace doppel {
+
+namespace {
+
+AdamWOptions withRate(AdamWOptions options, double rate) {
+    options.rateScale = static_cast<float>(rate);
+    return options;
+}
+
+}  // namespace
+
+SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceStart start,
+                         const SurfacePreset& preset, const CompileOptions& options)
+    : graph(device),
+      start_(std::move(start)),
+      transScale_(static_cast<float>(preset.lrTrans / preset.lrTheta)) {
+    const auto frames = static_cast<int64_t>(start_.poses.size()) / kPoseRow;
+    const int64_t size = preset.size, V = body.vertexCount, texture = start_.textureSize;
+    const bool coloured = !start_.texels.empty();
+    const bool movesTexels = coloured && start_.movesTexels;
+    if (start_.offsets.empty()) start_.offsets.resize(static_cast<size_t>(3 * V));
+    corrections.add("correction", {frames, kPoseRow}, std::vector<float>(start_.poses.size()));
+    offsets.add("offsets", {V, 3}, start_.offsets);
+    if (coloured) texels.add("texels", {texture, texture, 3}, start_.texels);
+    for (Parameters* parameters : {&corrections, &offsets, &texels})
+        if (!parameters->entries().empty()) parameters->allocate(device);
+
+    // What all frames share.
+    MeshTensors mesh = meshTensors(graph, meshTopology(body.faces, V, body.file));
+    LbsModel skin = lbsModel(graph, body);
+    RasterMesh faces = rasterMesh(graph, body.faces, V);
+    Tensor beta = graph.constant(std::span<const float>(start_.betas), {10});
+    Tensor own = start_.movesOffsets
+                     ? graph.parameter(offsets, "offsets")
+                     : graph.constant(std::span<const float>(start_.offsets), {V, 3});
+    Tensor rest =
+        add(graph, own, graph.constant(std::span<const float>(body.templateVertices), {V, 3}));
+    SurfaceLook look;
+    if (coloured) {
+        Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
+        look.atlas = rasterAtlas(graph, uvs, body.uvFaces);
+        look.texture = movesTexels
+                           ? graph.parameter(texels, "texels")
+                           : graph.constant(std::span<const float>(start_.texels),
+                                            {texture, texture, 3});
+    }
+
+    constexpr uint32_t kFrameWord = offsetof(StepParams, frame) / 4;
+    Tensor table = graph.attach(corrections.section(Parameters::kValues), {frames, kPoseRow});
+    Tensor given = graph.constant(std::span<const float>(start_.poses), {frames, kPoseRow});
+    Tensor joints = graph.constant(std::span<const float>(jointWeights()), {kJointCount});
+    PosePriorWeights prior;
+    prior.pose = static_cast<float>(preset.priorTheta);
+    prior.trans = static_cast<float>(preset.priorTrans) * transScale_ * transScale_;
+    prior.smooth = start_.video ? static_cast<float>(preset.smoothTheta) : 0.0f;
+    auto weights = [](double a, double b, double c, double d) {
+        return PyramidWeights{static_cast<float>(a), static_cast<float>(b), static_cast<float>(c),
+                              static_cast<float>(d)};
+    };
+    const SurfaceOptions drawing{.samples = preset.samples};
+    std::vector<Tensor> rows;
+    for (int i = 0; i < preset.batch; ++i) {
+        Sample sample;
+        sample.step = graph.input({sizeof(StepParams) / 4}, ElementType::I32);
+        sample.camera = graph.input(kCameraShape);
+        sample.mask = graph.input({size, size});
+        sample.counts = graph.input({size, size});
+        sample.scale = graph.input({1});
+        Tensor correction = selectRow(graph, table, sample.step, kFrameWord);
+        if (start_.movesPoses) graph.watch(correction);
+        rows.push_back(correction);
+        Pose pose = poseCorrection(graph, selectRow(graph, given, sample.step, kFrameWord),
+                                   correction, transScale_);
+        PosedBody posed = lbs(graph, skin, rest, pose.theta, beta, pose.trans);
+        if (coloured) {
+            sample.image = graph.input({size, size, 3});
+            sample.background = graph.input({size, size, 3});
+            look.background = sample.background;
+        }
+        SurfaceRender drawn = surfaceRender(graph, faces, posed.verts, sample.camera,
+                                            coloured ? &look : nullptr, size, size, drawing);
+        losses.term("silhouette", preset.silhouette,
+                    pyramidLoss(graph, drawn.alpha, sample.mask, sample.counts, sample.scale,
+                                weights(preset.silhouette1, preset.silhouette2,
+                                        preset.silhouette4, preset.silhouette8)));
+        if (coloured)  // the mean of the channels
+            losses.term("colour", preset.colour / 3,
+                        pyramidLoss(graph, drawn.image, sample.image, sample.counts, sample.scale,
+                                    weights(preset.colour1, preset.colour2, preset.colour4,
+                                            preset.colour8),
+                                    static_cast<float>(preset.robust)));
+        if (start_.movesPoses)
+            losses.term("prior", 1,
+                        posePrior(graph, correction,
+                                  selectRow(graph, table, sample.step, kFrameWord, -1),
+                                  selectRow(graph, table, sample.step, kFrameWord, 1), joints, beta,
+                                  prior));
+        samples.push_back(sample);
+    }
+    if (start_.movesOffsets) {
+        Tensor alike = graph.constant(std::vector<float>(static_cast<size_t>(V), 1.0f), {V});
+        losses.term("offsets", 1,
+                    offsetPenalty(graph, own, alike, mesh, static_cast<float>(preset.stay),
+                                  static_cast<float>(preset.smooth)));
+    }
+    graph.backward(losses.sum());
+
+    if (start_.movesPoses)
+        for (size_t i = 0; i < rows.size(); ++i)
+            adamwRow(graph, table, graph.gradient(rows[i]),
+                     graph.attach(corrections.section(Parameters::kMoment1), {frames, kPoseRow}),
+                     graph.attach(corrections.section(Parameters::kMoment2), {frames, kPoseRow}),
+                     withRate(kPoseOptimiser, preset.lrTheta), samples[i].step);
+    if (start_.movesOffsets) {
+        auto section = [&](Parameters::Section which) {
+            return graph.attach(offsets.view(*offsets.find("offsets"), which), {V, 3});
+        };
+        uniformAdam(
+            graph, section(Parameters::kValues), section(Parameters::kGradient),
+            section(Parameters::kMoment1), section(Parameters::kMoment2),
+            [&](const Tensor& x) {
+                return smoothSolve(graph, x, mesh, static_cast<float>(preset.lambda));
+            },
+            withRate(kSurfaceOptimiser, preset.lrOffsets));
+    }
+    if (movesTexels) adamwStep(graph, texels, withRate(kSurfaceOptimiser, preset.lrTexels));
+    graph.step();  // is written whether offsets or texels move or not
+    graph.compile(options);
+}
+
+std::vector<float> SurfaceStep::poses() const {
+    std::vector<float> poses = start_.poses;
+    std::vector<float> rows = corrections.read(*corrections.find("correction"));
+    for (size_t i = 0; i < poses.size(); ++i)
+        poses[i] += i % kPoseRow < kThetaSize ? rows[i] : transScale_ * rows[i];
+    return poses;
+}
+
+std::vector<float> SurfaceStep::offsetValues() const {
+    return offsets.read(*offsets.find("offsets"));
+}
+
+std::vector<float> SurfaceStep::texelValues() const {
+    std::vector<float> values = texels.read(*texels.find("texels"));
+    for (float& value : values) value = std::clamp(value, 0.0f, 1.0f);
+    return values;
+}
+
+}  // namespace doppel

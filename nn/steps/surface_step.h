@@ -1,0 +1,97 @@
+// The training step of a body's own surface: what it has beyond the model's shape, its texels, and
+// the frames' poses, from silhouettes and colours at once.
+//
+//     L = w_s L_s + w_c L_c + the priors
+//
+// with L_s and L_c the pyramid losses of alpha and of the colours over the background, per pixel of
+// the person (nn/ops/loss.h), drawn so that edges pull (nn/ops/surface.h). The offsets [V,3] move
+// the rest pose before skinning; they take smoothed steps (Nicolet, Jacobson, Jakob, Large Steps in
+// Inverse Rendering of Geometry, ACM ToG 2021). The mesh network has no part in it.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "nn/body/body.h"
+#include "nn/core/numbers.h"
+#include "nn/ops/optim.h"
+#include "nn/ops/surface.h"
+#include "nn/steps/losses.h"
+
+namespace doppel {
+
+#define SURFACE_NUMBERS(NUMBER, FLAG, CHOICE)                                                     \
+    NUMBER(int, size, 256, 16, 4096, "side of the crops, pixels")                                 \
+    NUMBER(int, samples, 1, 1, 4, "samples of a pixel along each axis")                           \
+    NUMBER(int, batch, 4, 1, 64, "frames of a step")                                              \
+    NUMBER(int, steps, 0, 0, kNoLimit, "steps; 0: the stage is left out, as in the paper")        \
+    NUMBER(double, decay, .1, 1e-6, 1, "part of the rates that is left in the last step")         \
+    NUMBER(double, lrTheta, .01, 1e-9, 10, "rad per step and joint")                              \
+    NUMBER(double, lrTrans, .003, 0, 10, "m per step")                                            \
+    NUMBER(double, lrOffsets, .04, 0, 10, "m per step of the vertex that moves most, before it "  \
+                                          "is smoothed")                                          \
+    NUMBER(double, lrTexels, .015, 0, 10, "of 1, per step and texel")                             \
+    NUMBER(double, silhouette, 1, 0, kNoLimit, "w_s, weight of the silhouettes' loss")            \
+    NUMBER(double, silhouette1, 2, 0, kNoLimit, "weight in it of single pixels")                  \
+    NUMBER(double, silhouette2, 1, 0, kNoLimit, "weight in it of cells of 2 pixels a side")       \
+    NUMBER(double, silhouette4, .5, 0, kNoLimit, "of 4")                                          \
+    NUMBER(double, silhouette8, .25, 0, kNoLimit, "of 8")                                         \
+    NUMBER(double, colour, 4, 0, kNoLimit, "w_c, weight of the colours' loss")                    \
+    NUMBER(double, colour1, 1, 0, kNoLimit, "weight in it of single pixels")                      \
+    NUMBER(double, colour2, .5, 0, kNoLimit, "weight in it of cells of 2 pixels a side")          \
+    NUMBER(double, colour4, .5, 0, kNoLimit, "of 4")                                              \
+    NUMBER(double, colour8, 0, 0, kNoLimit, "of 8")                                               \
+    NUMBER(double, robust, .02, 0, 1, "difference of colours from which on outliers count less")  \
+    NUMBER(double, priorTheta, .05, 0, kNoLimit, "weight of staying near the given rotations")    \
+    NUMBER(double, priorTrans, .5, 0, kNoLimit, "weight of staying near the given places")        \
+    NUMBER(double, smoothTheta, 0, 0, kNoLimit, "weight of slow corrections, in videos")          \
+    NUMBER(double, stay, .3, 0, kNoLimit, "weight of small offsets")                              \
+    NUMBER(double, smooth, 500, 0, kNoLimit, "weight of smooth offsets")                          \
+    NUMBER(double, lambda, 10, 0, 1e4, "how far a step of the offsets is smoothed, edges squared")
+struct SurfacePreset {
+    NUMBERS(SURFACE_NUMBERS)
+};
+
+// What is there, and what of it may change.
+struct SurfaceStart {
+    std::vector<float> poses;  // [frames, kPoseRow]
+    std::array<float, 10> betas{};
+    std::vector<float> offsets;  // [V,3]; empty: none yet
+    std::vector<float> texels;   // [size,size,3]; empty: silhouettes alone
+    int textureSize = 0;
+    bool movesPoses = true, movesOffsets = true, movesTexels = true;
+    bool video = false;  // neighbouring frames tell about each other
+};
+
+// A frame comes by seldom: shorter memories than networks have, and nothing that pulls to zero.
+inline constexpr AdamWOptions kSurfaceOptimiser{.beta1 = .9f, .beta2 = .99f, .weightDecay = 0};
+inline constexpr AdamWOptions kPoseOptimiser{.beta1 = .9f, .beta2 = .97f, .weightDecay = 0};
+
+// One step over a batch of frames: forward, backward and updates in one graph.
+struct SurfaceStep {
+    struct Sample {
+        Tensor step;    // StepParams: the frame, and the corrections of how often it has come by
+        Tensor camera;  // of samples x samples as many pixels as the targets have
+        Tensor mask, counts;       // [S,S]; counts: the part of a pixel that the frame shows
+        Tensor scale;              // [1] one over the mask's sum
+        Tensor image, background;  // [S,S,3]; empty without colours
+    };
+    Parameters corrections, offsets, texels;  // outlive what the graph has under way
+    Graph graph;
+    Losses losses{graph};  // silhouette (L_s), colour (L_c), prior, offsets
+    std::vector<Sample> samples;
+
+    SurfaceStep(Device& device, const BodyModel& body, SurfaceStart start,
+                const SurfacePreset& preset, const CompileOptions& options = {});
+
+    // As they are by now.
+    std::vector<float> poses() const;        // [frames, kPoseRow]
+    std::vector<float> offsetValues() const;  // [V,3]
+    std::vector<float> texelValues() const;   // [size,size,3] in [0,1]
+
+private:
+    SurfaceStart start_;
+    float transScale_;
+};
+
+}  // namespace doppel

@@ -1,0 +1,44 @@
+// What it costs a surface to leave its rest: with x the vertices' offsets and y_v = x_v - the mean of
+// x over the neighbours,
+//     loss = scale sum_v (stay weight_v |x_v|^2 + smooth |y_v|^2),
+//     dx_v = 2 scale dloss (stay weight_v x_v + smooth (y_v - sum over the neighbours j of
+//            y_j / degree_j)).
+// The offsets are smooth, not the surface: what the body's own shape has of creases stays. Metres;
+// scale is one over the number of vertices. A vertex without neighbours has y = 0.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "common/op.glsl"
+#include "mesh/params.h"
+PARAMS(OffsetPenaltyParams, 8)
+BUFFER(0, readonly, vec3, offsets);        // [V,3]
+BUFFER(1, readonly, float, weight);        // [V]
+BUFFER(2, readonly, int, neighbourBegin);  // [V+1]
+BUFFER(3, readonly, int, neighbours);      // [2E]
+BUFFER(4, writeonly, float, terms);        // [V]
+BUFFER(5, readwrite, vec3, bends);         // [V,3] y
+BUFFER(6, readonly, float, dloss);         // [1]
+BUFFER(7, writeonly, vec3, doffsets);      // [V,3]
+
+ENTRY(forward) {
+    uint v = linearIndex();
+    if (v >= params.vertices) return;
+    int begin = neighbourBegin.d[v], end = neighbourBegin.d[v + 1];
+    vec3 x = offsets.d[v], sum = vec3(0);
+    for (int i = begin; i < end; ++i) sum += offsets.d[neighbours.d[i]] - x;
+    vec3 y = -sum / max(float(end - begin), 1);
+    bends.d[v] = y;
+    terms.d[v] = params.scale * (params.stay * weight.d[v] * dot(x, x) + params.smoothness * dot(y, y));
+}
+
+ENTRY(backward) {
+    uint v = linearIndex();
+    if (v >= params.vertices) return;
+    int begin = neighbourBegin.d[v], end = neighbourBegin.d[v + 1];
+    vec3 sum = bends.d[v];
+    for (int i = begin; i < end; ++i) {
+        int j = neighbours.d[i];
+        sum -= bends.d[j] / float(neighbourBegin.d[j + 1] - neighbourBegin.d[j]);
+    }
+    vec3 d = params.stay * weight.d[v] * offsets.d[v] + params.smoothness * sum;
+    doffsets.d[v] = 2 * params.scale * dloss.d[0] * d;
+}

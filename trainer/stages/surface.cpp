@@ -1,0 +1,206 @@
+#include "trainer/stages/surface.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "nn/ops/fit.h"
+#include "trainer/avatar/background.h"
+#include "trainer/avatar/checkpoint.h"
+#include "trainer/stages/back_projection.h"
+#include "trainer/stages/live_state.h"
+#include "trainer/stages/training_frames.h"
+
+namespace doppel {
+
+namespace {
+
+// The poses may be off by more than the method's box allows for.
+constexpr double kMargin = 1.2;
+
+std::vector<float> poseRows(const Capture& capture) {
+    std::vector<float> rows;
+    for (size_t i = 0; i < capture.size(); ++i) {
+        rows.insert(rows.end(), capture.theta[i].begin(), capture.theta[i].end());
+        rows.insert(rows.end(), capture.trans[i].begin(), capture.trans[i].end());
+    }
+    return rows;
+}
+
+void takeRows(Capture& capture, const std::vector<float>& rows) {
+    for (size_t f = 0; f < capture.size(); ++f) {
+        const float* row = &rows[f * size_t(kPoseRow)];
+        std::copy_n(row, kThetaSize, capture.theta[f].begin());
+        std::copy_n(row + kThetaSize, 3, capture.trans[f].begin());
+    }
+}
+
+std::vector<int32_t> wordsOf(const StepParams& params) {
+    std::vector<int32_t> words(sizeof(StepParams) / 4);
+    std::memcpy(words.data(), &params, sizeof(params));
+    return words;
+}
+
+}  // namespace
+
+std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, Capture& capture,
+                                        const SurfaceRun& run) {
+    const SurfacePreset& preset = run.preset;
+    const bool coloured = !run.texels.empty();
+    FrameCache cache(capture);
+    const BackgroundPlate plate(capture, cache);
+    TrainingFrames frames(device, body, capture, cache, preset.size, true, kMargin,
+                          run.memoryBudget, &plate);
+    SurfaceStep step(device, body,
+                     {.poses = poseRows(capture),
+                      .betas = capture.betas,
+                      .offsets = body.offsets,
+                      .texels = run.texels,
+                      .textureSize = run.textureSize,
+                      .movesOffsets = run.movesOffsets,
+                      .movesTexels = run.movesTexels},
+                     preset,
+                     {.memoryBudget = run.memoryBudget, .timestamps = run.loop.profileSteps > 0});
+
+    FrameSampler sampler(capture.size(), run.loop.seed + 41);
+    std::vector<uint32_t> visits(capture.size());
+    StageLoop loop{.stage = run.stage, .steps = preset.steps};
+    loop.follow(step.graph, step.losses);
+    loop.identity = run.identity;
+    loop.identity["frames"] = fmt::format("{}", capture.size());
+    loop.trained = {{"corrections", &step.corrections}};
+    if (run.movesOffsets) loop.trained.emplace_back("offsets", &step.offsets);
+    if (coloured && run.movesTexels) loop.trained.emplace_back("texels", &step.texels);
+    loop.frameName = [&](size_t frame) { return capture.frames[frame].name; };
+    loop.draw = [&] {
+        std::vector<size_t> drawn = sampler.next(preset.batch);
+        for (size_t frame : drawn) ++visits[frame];
+        return drawn;
+    };
+    loop.submit = [&](int64_t i, const std::vector<size_t>& drawn) {
+        const double done = static_cast<double>(i) /
+                            static_cast<double>(std::max<int64_t>(1, loop.steps - 1));
+        const auto rate = static_cast<float>(std::pow(preset.decay, done));
+        for (size_t k = 0; k < drawn.size(); ++k) {
+            const SurfaceStep::Sample& sample = step.samples[k];
+            const size_t frame = drawn[k];
+            StepParams row = adamwStepParams(visits[frame], rate, kPoseOptimiser);
+            row.frame = static_cast<uint32_t>(frame);
+            step.graph.write(sample.step, wordsOf(row));
+            Camera camera = frames.camera(frame);
+            camera.fx *= preset.samples, camera.fy *= preset.samples;
+            camera.cx *= preset.samples, camera.cy *= preset.samples;
+            step.graph.write(sample.camera, cameraValues(rasterCamera(camera)));
+            const std::vector<float> mask = frames.mask(frame);
+            step.graph.write(sample.mask, mask);
+            step.graph.write(sample.scale, std::vector<float>{1 / personPixels(mask)});
+            step.graph.write(sample.counts, frames.inside(frame));
+            if (!coloured) continue;
+            step.graph.write(sample.image, frames.image(frame));
+            step.graph.write(sample.background, frames.background(frame));
+        }
+        step.graph.setStep(
+            adamwStepParams(static_cast<uint32_t>(i + 1), rate, kSurfaceOptimiser));
+        step.graph.submit();
+        frames.prepare(sampler.peek(preset.batch));  // meanwhile
+    };
+    auto texels = [&] { return coloured ? step.texelValues() : std::vector<float>(); };
+    if (run.picture) loop.picture = [&] { run.picture(step.offsetValues(), texels()); };
+    if (!loop.run(run.loop)) return std::nullopt;
+    takeRows(capture, step.poses());
+    return SurfaceResult{step.offsetValues(), texels()};
+}
+
+void fitPosesToPictures(Device& device, const Avatar& avatar, Capture& capture, bool colours,
+                        const LoopSettings& loop) {
+    SurfaceRun run{.stage = "poses", .preset = avatar.preset.shape, .loop = loop};
+    run.loop.out.clear();
+    auto passes = [&](int times) {
+        return std::max(1, times * static_cast<int>(capture.size()) / run.preset.batch);
+    };
+    run.preset.steps = passes(30);
+    run.preset.lrTheta = .008;
+    run.preset.lrTrans = .002;
+    runSurface(device, avatar.body, capture, run);
+    if (!colours) return;
+    run.preset = avatar.preset.texels;
+    run.preset.steps = passes(60);
+    run.preset.lrTheta = .006;
+    run.preset.lrTrans = .002;
+    run.preset.priorTheta = .01;
+    run.preset.priorTrans = .1;
+    run.preset.colour2 = 1;
+    run.preset.colour4 = 0;
+    run.texels = avatar.texture;
+    run.textureSize = avatar.textureSize;
+    runSurface(device, avatar.body, capture, run);
+}
+
+void planShape(Device& device, const Avatar& avatar, const Capture& capture,
+               const TrainSettings& settings) {
+    SurfaceStep(device, avatar.body, {.poses = poseRows(capture), .betas = capture.betas},
+                avatar.preset.shape, settings.compileOptions());
+}
+
+void planTexels(Device& device, const Avatar& avatar, const Capture& capture,
+                const TrainSettings& settings) {
+    const int size = avatar.preset.texture.textureSize;
+    SurfaceStart start{.poses = poseRows(capture), .betas = capture.betas, .textureSize = size};
+    start.texels.resize(3 * static_cast<size_t>(size) * static_cast<size_t>(size));
+    SurfaceStep(device, avatar.body, std::move(start), avatar.preset.texels,
+                settings.compileOptions());
+}
+
+void trainShape(Device& device, TrainResult& result, const TrainSettings& settings) {
+    Avatar& avatar = result.avatar;
+    FrameCache cache(result.capture);
+    SurfaceRun run{.stage = "shape",
+                   .preset = avatar.preset.shape,
+                   .movesOffsets = true,
+                   .loop = settings,
+                   .memoryBudget = settings.memoryBudget,
+                   .identity = stageIdentity(avatar, "shape")};
+    if (!settings.keeps()) run.loop.out.clear();
+    run.picture = [&](const std::vector<float>& offsets, const std::vector<float>&) {
+        Avatar now = avatar;
+        setOffsets(now, offsets);
+        writeState(device, now, result.capture, cache, settings.out);
+    };
+    if (auto trained = runSurface(device, avatar.body, result.capture, run))
+        setOffsets(avatar, trained->offsets);
+}
+
+void trainTexels(Device& device, TrainResult& result, const TrainSettings& settings) {
+    Avatar& avatar = result.avatar;
+    const int size = avatar.preset.texture.textureSize;
+    FrameCache cache(result.capture);
+    SurfaceRun run{.stage = "texels",
+                   .preset = avatar.preset.texels,
+                   .texels = backProject(device, avatar.body, result.capture, cache, size),
+                   .textureSize = size,
+                   .movesOffsets = true,
+                   .movesTexels = true,
+                   .loop = settings,
+                   .memoryBudget = settings.memoryBudget,
+                   .identity = stageIdentity(avatar, "texels")};
+    if (!settings.keeps()) run.loop.out.clear();
+    auto take = [&](Avatar& to, const std::vector<float>& offsets,
+                    const std::vector<float>& texels) {
+        setOffsets(to, offsets);
+        to.textureSize = size;
+        to.texels = to.texture = texels;
+    };
+    run.picture = [&](const std::vector<float>& offsets, const std::vector<float>& texels) {
+        Avatar now = avatar;
+        take(now, offsets, texels);
+        writeState(device, now, result.capture, cache, settings.out);
+    };
+    if (auto trained = runSurface(device, avatar.body, result.capture, run)) {
+        // As eight bits keep them, so that a run that is stopped after this stage and one that is
+        // not go on from the same.
+        for (float& value : trained->texels) value = std::round(255 * value) / 255;
+        take(avatar, trained->offsets, trained->texels);
+    }
+}
+
+}  // namespace doppel
