@@ -151,7 +151,7 @@ void declareFlags(CommandFlags& flags, EvalOptions& o) {
     flags.scene(o.scene);
     flags.measures(o.measures);
     flags.path("--out", o.out, "Folder for results.json, results.csv and results.md");
-    flags.path("--pictures", o.pictures, "Folder for render, frame and difference side by side");
+    flags.path("--pictures", o.pictures, "Folder for report.html: frame, render and error side by side, heads enlarged, figures");
 }
 
 const Command<EvalOptions> kEval{{

@@ -10,13 +10,15 @@
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"
 #include "trainer/eval/picture_figures.h"
+#include "trainer/eval/report.h"
 
 namespace doppel {
 
 namespace {
 
-// Samples per pixel and axis of an evaluated render: photographs are not aliased either.
-constexpr int kSamples = 2;
+// Samples per pixel and axis of an evaluated render: photographs are not aliased either. An odd
+// number, so that no pixel is covered by just half and a silhouette cut at the half has no bias.
+constexpr int kSamples = 3;
 
 // The scene behind the person in each frame.
 class Background {
@@ -120,10 +122,11 @@ Evaluation evaluateCapture(Device& device, const Avatar& avatar, const Capture& 
         result.frames.push_back(
             measureFrame(frame.name, render, target, silhouette, picture->mask, w, h));
         FrameMetrics& metrics = result.frames.back();
+        const PixelRect head =
+            headRect(avatar.body, poser.pose(capture.theta[i], capture.trans[i], avatar.betas),
+                     frame.camera);
         metrics.figures = pictureFigures(
-            {w, h, render, target, drawing.rgb, drawing.mask, picture->mask,
-             headRect(avatar.body, poser.pose(capture.theta[i], capture.trans[i], avatar.betas),
-                      frame.camera)});
+            {w, h, render, target, drawing.rgb, drawing.mask, picture->mask, head});
         if (settings.lpips) metrics.lpips = settings.lpips->distance(render, target, w, h);
         if (settings.videoFeatures) {
             realVideo.push_back(VideoFeatures::prepare(target, w, h));
@@ -131,14 +134,12 @@ Evaluation evaluateCapture(Device& device, const Avatar& avatar, const Capture& 
         }
         if (i == 0 && !pictures.empty()) {  // nothing is left where no frame could be evaluated
             std::vector<std::string> names;
-            for (const Frame& each : capture.frames) names.push_back(each.name + ".png");
-            claimFiles(pictures, "eval", names);
+            for (const Frame& each : capture.frames) names.push_back(each.name);
+            claimFiles(pictures, "eval", reportFiles(names));
         }
-        if (!pictures.empty()) {
-            writeImage(pictures / (frame.name + ".png"),
-                       contactSheet({{toImage(target, w, h), toImage(render, w, h),
-                                      differenceImage(target, render, w, h, 4)}}));
-        }
+        if (!pictures.empty())
+            writeReportPictures(pictures, frame.name, toImage(target, w, h), toImage(render, w, h),
+                                differenceImage(target, render, w, h, 4), head);
         std::vector<float> person = target;
         for (size_t p = 0; p < person.size(); ++p)
             if (picture->mask[p / 3] == 0) person[p] = 0;
@@ -153,6 +154,8 @@ Evaluation evaluateCapture(Device& device, const Avatar& avatar, const Capture& 
         progress.update(static_cast<int64_t>(i) + 1,
                         {{"iou", metrics.iou}, {"psnr", metrics.psnrBody}});
     }
+    if (!pictures.empty() && !result.frames.empty())
+        writeReport(pictures, capture.name, result.frames);
     if (changes > 0) {
         result.change /= static_cast<double>(changes);
         result.changeOfFrames /= static_cast<double>(changes);

@@ -18,7 +18,7 @@
 namespace doppel {
 
 struct EvaluateSettings {
-    // A folder for frame, render and error side by side, NAME.png; empty: none.
+    // A folder for a report (trainer/eval/report.h); empty: none.
     std::filesystem::path pictures;
     TextureKind texture = TextureKind::Best;
     // What stands behind the render. "frame": the frame's own pixels away from the mask (a keyed

@@ -17,6 +17,12 @@ uint8_t toByte(float value) {
     return static_cast<uint8_t>(std::lround(255 * std::clamp(value, 0.0f, 1.0f)));
 }
 
+// A box of size x size of the frame's own pixels around the same place.
+CropBox ownPixels(const CropBox& box, int size) {
+    const double half = size / 2.0;
+    return {std::round(box.centreX - half) + half, std::round(box.centreY - half) + half, half};
+}
+
 std::vector<uint8_t> deflated(const std::vector<uint8_t>& bytes) {
     uLongf size = compressBound(bytes.size());
     std::vector<uint8_t> packed(size);
@@ -49,6 +55,7 @@ TrainingFrames::TrainingFrames(Device& device, const BodyModel& body, const Capt
         const Frame& frame = capture.frames[i];
         CropBox box = cropBox(frame.camera, posed.joints, "frame " + frame.name);
         box.half *= margin;
+        if (plate && 2 * box.half <= size) box = ownPixels(box, size);
         Crop cut = crop(*cache.load(i), frame.camera, box, size);
         cameras_.push_back(cut.camera);
         boxes_.push_back(box);

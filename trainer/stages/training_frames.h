@@ -18,7 +18,8 @@ public:
     // Crops around the body in its present poses, `margin` times as large as the method's box.
     // Each frame is decoded once; its crop stays in memory as bytes, compressed without loss where
     // all of them would take more than memoryBudget (0: 1 GiB).
-    // With a plate, what is behind the person is kept as well.
+    // With a plate, what is behind the person is kept as well, and a frame that need not shrink is
+    // cut at its own pixels: sampled between them it would lose its sharpness.
     TrainingFrames(Device& device, const BodyModel& body, const Capture& capture, FrameCache& cache,
                    int size, bool colours, double margin = 1, uint64_t memoryBudget = 0,
                    const BackgroundPlate* plate = nullptr);
