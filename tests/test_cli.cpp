@@ -138,13 +138,17 @@ TEST(CommandLine, FillsOptions) {
     EXPECT_EQ(train.train.memoryBudget, uint64_t{2} << 30);
     EXPECT_EQ(train.train.frames, "-3:");
     EXPECT_EQ(run({"train", "c", "--out", "a"}).train.stages,
+              (std::vector<std::string>{"fit", "shape", "texels", "mesh", "texture", "refine"}));
+    // The paper's preset is the paper's method.
+    EXPECT_EQ(run({"train", "c", "--out", "a", "--preset", "paper"}).train.stages,
               (std::vector<std::string>{"fit", "mesh", "texture", "refine"}));
     const TrainOptions plain = run({"train", "c", "--out", "a"}).train;
     EXPECT_TRUE(plain.gan && plain.face && plain.clamp);
     const TrainOptions ablation =
         run({"train", "c", "--out", "a", "--no-refine", "--no-gan", "--no-face", "--no-clamp"})
             .train;
-    EXPECT_EQ(ablation.stages, (std::vector<std::string>{"fit", "mesh", "texture"}));
+    EXPECT_EQ(ablation.stages,
+              (std::vector<std::string>{"fit", "shape", "texels", "mesh", "texture"}));
     EXPECT_FALSE(ablation.gan || ablation.face || ablation.clamp);
     const Outcome nothing = run({"train", "c", "--out", "a", "--stages", "refine", "--no-refine"});
     EXPECT_EQ(nothing.status, 2);
@@ -257,7 +261,7 @@ TEST(CommandLine, ConfigUnderFlags) {
     refuse("[mesh]\nbatches = 3", "bad.toml: there is no number \"mesh.batches\"; there are mesh.");
     refuse("[mesh]\nbatch = 0", "bad.toml: mesh.batch: expected a whole number from 1 to 256");
     refuse("[mash]\nbatch = 1",
-           "bad.toml: mash: expected one of the tables fit, mesh, texture, refine");
+           "bad.toml: mash: expected one of the tables fit, shape, texels, mesh, texture, refine");
     const Outcome missing = run({"train", "c", "--out", "a", "--config", "no/such.toml"});
     EXPECT_EQ(missing.status, 2);
     EXPECT_NE(missing.err.find("no/such.toml"), std::string::npos);
@@ -281,7 +285,7 @@ TEST(CommandLine, RefusesWithOneLineAndTwo) {
     refuse({"train", "c", "--out", "a", "--preset", "huge"},
            "--preset: expected one of ci, small, paper, found \"huge\"");
     refuse({"train", "c", "--out", "a", "--stages", "mesh,hair"},
-           "--stages: expected some of fit,mesh,texture,refine, found \"hair\"");
+           "--stages: expected some of fit,shape,texels,mesh,texture,refine, found \"hair\"");
     refuse({"train", "c", "--out", "a", "--set", "mesh.batch"},
            "--set: expected NAME=VALUE (mesh.batch=8), found \"mesh.batch\"");
     refuse({"train", "c", "--out", "a", "--set", "mesh.batch=two"},

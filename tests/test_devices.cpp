@@ -290,6 +290,8 @@ Preset fewSteps() {
     Preset preset = presetByName("ci");
     preset.fit.size = 64;
     preset.fit.passes = 2;
+    preset.shape.size = preset.texels.size = 64;
+    preset.shape.steps = preset.texels.steps = 3;
     preset.mesh.size = 64;
     preset.mesh.blocks = 1;
     preset.mesh.layers = 2;
@@ -319,7 +321,7 @@ Trained train(Device& device, const Capture& capture, const fs::path& out) {
     avatar.preset = fewSteps();
     TrainSettings settings;
     settings.out = out;
-    settings.stages = {"fit", "mesh", "texture", "refine"};
+    settings.stages = stageNames();
     settings.pictureSeconds = 0;
     const TrainResult result = trainAvatar(device, std::move(avatar), capture, settings);
     const std::vector<double> ious = avatarIous(device, result.avatar, result.capture, true);

@@ -25,6 +25,9 @@ Preset tinyPreset() {
     Preset preset = presetByName("ci");
     preset.fit.size = 128;
     preset.fit.passes = 12;
+    preset.shape.size = preset.texels.size = 128;
+    preset.shape.steps = 20;
+    preset.texels.steps = 20;
     preset.mesh.size = 128;
     preset.mesh.blocks = 1;
     preset.mesh.layers = 2;
@@ -104,6 +107,62 @@ TEST(Train, LearnsAndRepeatsItselfToTheByte) {
     }
 }
 
+// A surface of its own: the outline and the colours of frames that it learned from.
+TEST(Train, LearnsASurfaceBeyondTheModel) {
+    test::Folder folder;
+    Capture capture = tinyCapture(folder.path() / "capture");
+    Avatar avatar;
+    avatar.bodyArrays = readBodyArrays("default");
+    avatar.body = bodyFromNpz(avatar.bodyArrays);
+    avatar.preset = tinyPreset();
+    avatar.preset.shape.steps = avatar.preset.texels.steps = 60;
+    TrainSettings settings;
+    settings.out = folder.path() / "a";
+    settings.pictureSeconds = 0;
+    settings.stages = {"fit", "shape", "texels"};
+    const TrainResult result = trainAvatar(testDevice(), avatar, capture, settings);
+
+    const FrameMetrics mean = meanMetrics(evaluateAvatar(testDevice(), result.avatar, result.capture));
+    EXPECT_GT(mean.iou, result.fit->iouAfter + .02);
+    auto figure = [&](std::string_view name) {
+        return std::ranges::find(mean.figures, name, &std::pair<std::string, double>::first)->second;
+    };
+    EXPECT_LT(std::abs(figure("outline_bias")), .15);
+    EXPECT_GT(figure("psnr_interior"), 24);
+
+    // Few faces are turned against the model's, and no vertex flies off.
+    const BodyModel& body = result.avatar.body;
+    const std::vector<float> rest = body.restVertices();
+    auto normal = [&](const std::vector<float>& x, size_t face) {
+        auto at = [&](size_t corner, size_t c) {
+            return double{x[3 * size_t(body.faces[3 * face + corner]) + c]};
+        };
+        std::array<double, 3> n{};
+        for (size_t a = 0; a < 3; ++a) {
+            const size_t b = (a + 1) % 3, c = (a + 2) % 3;
+            n[a] = (at(1, b) - at(0, b)) * (at(2, c) - at(0, c)) -
+                   (at(1, c) - at(0, c)) * (at(2, b) - at(0, b));
+        }
+        return n;
+    };
+    int turned = 0;
+    for (size_t f = 0; f < size_t(body.faceCount); ++f) {
+        const auto a = normal(body.templateVertices, f), b = normal(rest, f);
+        turned += a[0] * b[0] + a[1] * b[1] + a[2] * b[2] < 0;
+    }
+    EXPECT_LT(turned, body.faceCount / 500);
+    for (float x : body.offsets) EXPECT_LT(std::abs(x), .2f);
+
+    // On disk and back, and its joints go where its surface goes.
+    const Avatar read = readAvatar(settings.out);
+    EXPECT_EQ(read.body.offsets, body.offsets);
+    EXPECT_EQ(read.texels, result.avatar.texels);
+    EXPECT_EQ(read.texture, read.texels);
+    const BodyModel plain = bodyFromNpz(readBodyArrays("default"));
+    EXPECT_NE(restJoints(read.body, std::vector<double>(10)),
+              restJoints(plain, std::vector<double>(10)));
+}
+
 // ---- stopped and resumed ------------------------------------------------------------------------
 
 // Few steps of everything that has a state: moments, running statistics, dropout, two samplers
@@ -111,6 +170,8 @@ TEST(Train, LearnsAndRepeatsItselfToTheByte) {
 Preset restlessPreset() {
     Preset preset = tinyPreset();
     preset.fit.passes = 2;
+    preset.shape.steps = 7;
+    preset.texels.steps = 7;
     preset.mesh.steps = 7;
     preset.mesh.batch = 2;
     preset.mesh.balanceHeadings = true;
@@ -130,7 +191,7 @@ TrainOptions restlessOptions(const fs::path& capture, const fs::path& out) {
     options.capture = capture;
     options.out = out;
     options.body = "default";
-    options.stages = {"fit", "mesh", "texture", "refine"};
+    options.stages = {"fit", "shape", "texels", "mesh", "texture", "refine"};
     options.preset = restlessPreset();
     options.pictureSeconds = 0;
     return options;
@@ -161,9 +222,9 @@ void trainUntil(const TrainOptions& options, bool resume, double checkpointSecon
 
 void expectSameResult(const fs::path& a, const fs::path& b) {
     for (const char* name :
-         {"body.npz", "mesh_net.safetensors", "texture_net.safetensors", "texture.png",
+         {"body.npz", "texels.png", "mesh_net.safetensors", "texture_net.safetensors", "texture.png",
           "refine_net.safetensors", "texture_baked.png", "preview.png", "log/losses_fit.csv",
-          "log/losses_mesh.csv", "log/losses_texture.csv", "log/losses_refine.csv"}) {
+          "log/losses_shape.csv", "log/losses_texels.csv", "log/losses_mesh.csv", "log/losses_texture.csv", "log/losses_refine.csv"}) {
         std::string bytes = bytesOf(a / name);
         EXPECT_FALSE(bytes.empty()) << name;
         EXPECT_EQ(bytes, bytesOf(b / name)) << name;
@@ -189,7 +250,7 @@ std::unique_ptr<test::Folder> Resume::folder_;
 TEST_F(Resume, EndsWithTheSameBytesAfterCtrlCInEveryStage) {
     TrainOptions options = restlessOptions(capture(), folder_->path() / "stopped");
     const std::vector<std::pair<std::string, int64_t>> stops{
-        {"fit", 5}, {"fit", 12}, {"mesh", 3}, {"texture", 6}, {"refine", 1}, {"refine", 5}};
+        {"fit", 5}, {"fit", 12}, {"shape", 3}, {"texels", 1}, {"texels", 5}, {"mesh", 3}, {"texture", 6}, {"refine", 1}, {"refine", 5}};
     for (size_t k = 0; k < stops.size(); ++k) {
         const auto& [stage, step] = stops[k];
         catchInterrupts();
@@ -239,7 +300,7 @@ TEST_F(Resume, EndsWithTheSameBytesAfterBeingKilledBetweenCheckpoints) {
     struct Killed {};
     TrainOptions options = restlessOptions(capture(), folder_->path() / "killed");
     fs::path aside = folder_->path() / "aside.safetensors";
-    const std::vector<std::string> stages{"fit", "mesh", "texture", "refine"};
+    const std::vector<std::string> stages{"fit", "shape", "texels", "mesh", "texture", "refine"};
     for (size_t k = 0; k < stages.size(); ++k) {
         // A checkpoint after each step; the one of step 3 is what a kill during step 6 finds.
         fs::path checkpoint = options.out / "checkpoints" / (stages[k] + ".safetensors");
@@ -264,8 +325,11 @@ TEST_F(Resume, EndsWithTheSameBytesWhenItIsWatched) {
         if (stage == "fit" || done % 3 != 0) return;
         Avatar live = readAvatar(liveFolder(options.out));
         ++states[stage];
-        EXPECT_FALSE(live.meshNet.empty());
-        EXPECT_EQ(live.textureNet.empty(), stage == "mesh");
+        const bool surface = stage == "shape" || stage == "texels";
+        EXPECT_FALSE(live.body.offsets.empty());
+        EXPECT_EQ(live.texels.empty(), stage == "shape");
+        EXPECT_EQ(live.meshNet.empty(), surface);
+        EXPECT_EQ(live.textureNet.empty(), surface || stage == "mesh");
         EXPECT_EQ(live.refineNet.empty(), stage != "refine");
     };
     trainUntil(options, false, 0, look, [&] {
@@ -275,7 +339,11 @@ TEST_F(Resume, EndsWithTheSameBytesWhenItIsWatched) {
         EXPECT_TRUE(live.texture.empty());
     });
     EXPECT_TRUE(opened);
-    EXPECT_EQ(states, (std::map<std::string, int>{{"mesh", 2}, {"texture", 2}, {"refine", 2}}));
+    EXPECT_EQ(states, (std::map<std::string, int>{{"shape", 2},
+                                                   {"texels", 2},
+                                                   {"mesh", 2},
+                                                   {"texture", 2},
+                                                   {"refine", 2}}));
     expectSameResult(options.out, whole());
 }
 

@@ -87,7 +87,8 @@ Preset presetByName(std::string_view name) {
     preset.name = name;
     preset.texels.lrTheta = .005;
     preset.texels.lrTrans = .0015;
-    preset.texels.lrOffsets = .01;
+    preset.texels.lrOffsets = .02;
+    preset.texels.lrTexels = .03;
     preset.texels.priorTheta = .02;
     preset.texels.priorTrans = .2;
     preset.texels.silhouette1 = 1;
@@ -131,8 +132,10 @@ Preset presetByName(std::string_view name) {
     }
     if (name == "ci") {
         preset.fit.passes = 25;
+        preset.fit.sigma = 1e-6;
         preset.shape.steps = 200;
-        preset.texels.steps = 200;
+        preset.texels.steps = 300;
+        preset.texels.samples = 2;
         preset.mesh.blocks = 2;
         preset.mesh.layers = 3;
         preset.mesh.hidden = 32;

@@ -84,6 +84,8 @@ void runTrain(const TrainOptions& options) {
             avatar.trained.clear();
             for (const Stage& stage : allStages())
                 if (stage.clear) stage.clear(avatar);
+        } else {
+            setOffsets(avatar, before.offsets);
         }
     }
     // Numbers of stages that are left alone stay with their networks.
