@@ -1,6 +1,8 @@
 // The evaluation protocol on the synthetic actor, shown by herself: an avatar with the actor's own
 // body and texture, so that right figures are known.
 #include "trainer/eval/evaluate.h"
+#include "trainer/stages/back_projection.h"
+#include "trainer/stages/surface.h"
 
 #include <gtest/gtest.h>
 
@@ -96,6 +98,64 @@ TEST_F(Evaluate, Scenes) {
     expectInputError(
         [&] { evaluateCapture(testDevice(), avatar_, capture_, {.background = "gone.png"}); },
         "gone.png");
+}
+
+TEST_F(Evaluate, AReportShowsEveryFrame) {
+    const fs::path out = folder_->path() / "report";
+    evaluateCapture(testDevice(), avatar_, capture_, {.pictures = out});
+    const std::string html = test::bytesOf(out / "report.html");
+    for (const Frame& frame : capture_.frames) {
+        EXPECT_NE(html.find(frame.name + ".png"), std::string::npos);
+        EXPECT_TRUE(fs::exists(out / (frame.name + ".png")));
+        const ImageSize head = imageSize(out / (frame.name + "_head.png"));
+        EXPECT_GT(head.width, 2 * 4 * 5);
+        EXPECT_EQ(head.height % 4, 0);
+    }
+    EXPECT_NE(html.find("sharpness_head"), std::string::npos);
+}
+
+// The actress through her own eyes, her poses lost: her pictures find them again, colours better than
+// outlines.
+TEST_F(Evaluate, PicturesFindPoses) {
+    Avatar avatar = avatar_;
+    avatar.preset.shape.size = avatar.preset.texels.size = 96;
+    Capture lost = capture_;
+    for (size_t i = 0; i < lost.size(); ++i) {
+        for (size_t k = 0; k < kThetaSize; ++k) lost.theta[i][k] += (k + i) % 3 ? .05f : -.05f;
+        lost.trans[i][0] += .02f;
+    }
+    auto psnr = [&](const Capture& capture) {
+        return meanMetrics(evaluateCapture(testDevice(), avatar, capture).frames).psnrBody;
+    };
+    Capture outlines = lost, colours = lost;
+    fitPosesToPictures(testDevice(), avatar, outlines, false, {});
+    fitPosesToPictures(testDevice(), avatar, colours, true, {});
+    const double before = psnr(lost), byOutlines = psnr(outlines), byColours = psnr(colours);
+    EXPECT_GT(byOutlines, before + 1);
+    EXPECT_GT(byColours, byOutlines + .5);
+}
+
+// Her texture from her frames: what they show is back in its place.
+TEST_F(Evaluate, FramesGiveTheTextureBack) {
+    Avatar avatar = avatar_;
+    FrameCache frames(capture_);
+    const int size = 128;
+    avatar.texture = backProject(testDevice(), avatar.body, capture_, frames, size);
+    avatar.textureSize = size;
+    for (float value : avatar.texture) {
+        EXPECT_GE(value, 0);
+        EXPECT_LE(value, 1);
+    }
+    Avatar grey = avatar;
+    std::fill(grey.texture.begin(), grey.texture.end(), .5f);
+    auto interior = [&](const Avatar& of) {
+        const FrameMetrics mean = meanMetrics(evaluateCapture(testDevice(), of, capture_).frames);
+        return std::ranges::find(mean.figures, "psnr_interior",
+                                 &std::pair<std::string, double>::first)->second;
+    };
+    const double own = interior(avatar);
+    EXPECT_GT(own, 22);
+    EXPECT_GT(own, interior(grey) + 8);
 }
 
 TEST_F(Evaluate, WithLpips) {

@@ -2,11 +2,13 @@
 
 #include <cmath>
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <random>
 
 #include "engine/files/npz.h"
 #include "trainer/eval/metrics.h"
+#include "trainer/eval/picture_figures.h"
 
 namespace doppel {
 namespace {
@@ -99,6 +101,67 @@ TEST(Metrics, SsimIsTheDefinition) {
     }
 }
 
+// A box of the frame against boxes that are shifted, smaller, blurred.
+TEST(PictureFigures, TellWhatIsWrong) {
+    constexpr int kSize = 40;
+    auto boxMask = [](int x0, int x1) {
+        std::vector<uint8_t> mask(kSize * kSize);
+        for (int y = 10; y < 30; ++y)
+            for (int x = x0; x < x1; ++x) mask[size_t(y * kSize + x)] = 255;
+        return mask;
+    };
+    auto picture = [](const std::vector<uint8_t>& mask, int shift, bool flat) {
+        std::vector<float> rgb;
+        for (int i = 0; i < kSize * kSize; ++i) {
+            const int x = i % kSize - shift, y = i / kSize;
+            const float wave = flat ? .5f : .5f + .4f * std::sin(.9f * float(x) + .7f * float(y));
+            rgb.insert(rgb.end(), 3, mask[size_t(i)] ? wave : .2f);
+        }
+        return rgb;
+    };
+    auto cut = [](std::vector<float> rgb, const std::vector<uint8_t>& mask) {
+        for (size_t i = 0; i < rgb.size(); ++i)
+            if (!mask[i / 3]) rgb[i] = 0;
+        return rgb;
+    };
+    const std::vector<uint8_t> mask = boxMask(10, 30), thin = boxMask(11, 29);
+    const std::vector<float> frame = picture(mask, 0, false);
+    auto figures = [&](const std::vector<float>& render, const std::vector<uint8_t>& coverage) {
+        const std::vector<float> person = cut(render, coverage);
+        const Figures all = pictureFigures(
+            {kSize, kSize, render, frame, person, coverage, mask, {10, 10, 30, 30}});
+        std::map<std::string, double> map(all.begin(), all.end());
+        EXPECT_EQ(map.size(), all.size());
+        return map;
+    };
+    auto same = figures(frame, mask);
+    for (const char* name : {"psnr_union", "psnr_interior", "psnr_white", "psnr_head"})
+        EXPECT_EQ(same[name], 99) << name;
+    for (const char* name : {"sharpness_interior", "sharpness_head", "ssim_head", "similarity_head",
+                             "correlation_head"})
+        EXPECT_NEAR(same[name], 1, 1e-9) << name;
+    EXPECT_EQ(same["outline_bias"], 0);
+    EXPECT_EQ(same["outline_95"], 0);
+
+    auto thinner = figures(picture(thin, 0, false), thin);
+    EXPECT_NEAR(thinner["outline_bias"], 40.0 / 76, 1e-9);  // two columns of 20 over the rim
+    EXPECT_EQ(thinner["outline_95"], 1);
+    EXPECT_GT(thinner["psnr_interior"], 60);
+    EXPECT_LT(thinner["psnr_white"], 30);
+
+    auto flat = figures(picture(mask, 0, true), mask);
+    EXPECT_LT(flat["sharpness_interior"], .1);
+    EXPECT_LT(flat["similarity_head"], .9);
+    // Two pixels to the side: as sharp, and found again by the correlation alone.
+    auto shifted = figures(picture(mask, 2, false), mask);
+    EXPECT_NEAR(shifted["sharpness_head"], 1, .1);
+    EXPECT_LT(shifted["psnr_head"], 15);
+    EXPECT_GT(shifted["correlation_head"], .95);
+    // A head out of the picture has no figures.
+    const Figures none = pictureFigures({kSize, kSize, frame, frame, frame, mask, mask, {}});
+    EXPECT_EQ(none.back().first, "psnr_white");
+}
+
 TEST(Metrics, FramesAndJson) {
     const int width = 12, height = 9;
     const auto a = noise(12 * 9 * 3, 3);
@@ -117,6 +180,11 @@ TEST(Metrics, FramesAndJson) {
 
     const std::vector<FrameMetrics> frames{one, two};
     EXPECT_DOUBLE_EQ(meanMetrics(frames).iou, .75);
+    std::vector<FrameMetrics> figured = frames;
+    figured[0].figures = {{"outline_bias", 1}, {"psnr_head", 20}};
+    figured[1].figures = {{"outline_bias", 2}};  // its head is out of the picture
+    EXPECT_EQ(meanMetrics(figured).figures,
+              (std::vector<std::pair<std::string, double>>{{"outline_bias", 1.5}, {"psnr_head", 20}}));
     const auto json =
         nlohmann::ordered_json::parse(metricsJson(frames, {{"poses", "as given"}}, true));
     std::vector<std::string> keys;

@@ -116,6 +116,36 @@ TEST(TextureUnet, ShapesOfThePaper) {
     EXPECT_EQ(shape("dec9.bias"), (Shape{3}));
 }
 
+// A network of zeros adds nothing to the texels that it paints over, for every map of a batch; one
+// with weights adds something, and not without bound.
+TEST(TextureUnet, PaintsOverTexels) {
+    const Value texels = uniform({16, 16, 3}, 0, 1, 4);
+    const std::vector<float> given(texels.data.begin(), texels.data.end());
+    for (std::optional<uint32_t> seed : {std::optional<uint32_t>(), std::optional<uint32_t>(3)}) {
+        TextureUnet net({.size = 16, .width = 3}, "texture", seed, given);
+        net.allocate(testDevice());
+        EXPECT_EQ(net.parameters().find("enc1.weight")->shape[1], 4);
+        Graph graph(testDevice());
+        Tensor maps = graph.constant(std::vector<float>(2 * 256, 1.0f), {2, 1, 16, 16});
+        Tensor y = net.forward(graph, maps, {.training = true});
+        graph.output(y);
+        graph.compile({.poison = true});
+        graph.run();
+        const std::vector<float> painted = graph.read(y);
+        double most = 0;
+        for (size_t i = 0; i < painted.size(); ++i) {
+            const size_t plane = i / 256 % 3, texel = i % 256;
+            const double under = 2 * double{given[3 * texel + plane]} - 1;
+            most = std::max(most, std::abs(double{painted[i]} - under));
+        }
+        if (seed)
+            EXPECT_GT(most, 1e-3);
+        else
+            EXPECT_LT(most, 1e-6);
+        EXPECT_LE(most, .5 + 1e-6);
+    }
+}
+
 TEST(TextureUnet, RefusesASizeThatIsNoPowerOfTwo) {
     expectInputError([] { TextureUnet({.size = 96}, "texture", 1); }, "do not divide a size of 96");
     TextureUnet fewer({.size = 96, .width = 2, .downs = 5}, "texture", 1);

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "tests/files.h"
 #include "tests/op_test.h"
 #include "trainer/avatar/avatar.h"
@@ -46,6 +48,49 @@ TEST(TrainingFrames, AreTheSameCompressedAndPrepared) {
             EXPECT_EQ(raw.image(i), packed.image(i));
         }
         packed.prepare(some);
+    }
+}
+
+// With a plate a small frame is cut at its own pixels, and what is behind the person is there.
+TEST(TrainingFrames, KeepTheFramesOwnPixels) {
+    Actor actor = readActor(assetFolder() / "actor", "woman");
+    SyntheticOptions options;
+    options.size = 96;
+    options.samples = 1;
+    test::Folder folder;
+    Capture capture = renderActor(testDevice(), actor, actorSession(4, 0, kActorDistance),
+                                  folder / "capture", options);
+    BodyModel body = bodyFromNpz(readBodyArrays("default"));
+    FrameCache cache(capture);
+    const BackgroundPlate plate(capture, cache);
+    constexpr int kSide = 128;  // the body's box fits
+    TrainingFrames frames(testDevice(), body, capture, cache, kSide, true, 1, 0, &plate);
+    for (size_t i = 0; i < capture.size(); ++i) {
+        const auto picture = cache.load(i);
+        const std::vector<float> image = frames.image(i), inside = frames.inside(i);
+        const std::vector<float> background = frames.background(i), mask = frames.mask(i);
+        const Camera& camera = frames.camera(i);
+        EXPECT_EQ(camera.fx, capture.frames[i].camera.fx);
+        const int left = int(std::lround(capture.frames[i].camera.cx - camera.cx));
+        const int top = int(std::lround(capture.frames[i].camera.cy - camera.cy));
+        int within = 0, alike = 0, outside = 0;
+        for (int y = 0; y < kSide; ++y)
+            for (int x = 0; x < kSide; ++x) {
+                const int u = x + left, v = y + top;
+                const bool there = u >= 0 && v >= 0 && u < 96 && v < 96;
+                const auto at = size_t(y * kSide + x);
+                EXPECT_EQ(inside[at], there ? 1 : 0);
+                if (!there) continue;
+                ++within;
+                for (size_t c = 0; c < 3; ++c)
+                    EXPECT_EQ(std::lround(255 * image[3 * at + c]),
+                              picture->rgb[3 * size_t(v * 96 + u) + c]);
+                if (mask[at] > 0) continue;
+                ++outside;
+                alike += std::abs(background[3 * at] - image[3 * at]) < .02f;
+            }
+        EXPECT_GT(within, 96 * 60);
+        EXPECT_GT(alike, outside * 9 / 10);
     }
 }
 

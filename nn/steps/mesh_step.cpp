@@ -1,6 +1,7 @@
 #include "nn/steps/mesh_step.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "nn/ops/elementwise.h"
 #include "nn/ops/loss.h"
@@ -8,6 +9,9 @@
 #include "nn/ops/surface.h"
 
 namespace doppel {
+
+// Difference of colours from which on outliers count less.
+constexpr float kRobust = 0.02f;
 
 MeshNetConfig meshNetConfig(const MeshPreset& preset) {
     return {.blocks = preset.blocks,
@@ -48,7 +52,8 @@ Tensor MeshNetwork::refine(const LbsModel& skin, const ShapedBody& shaped, const
 }
 
 MeshStep::MeshStep(Device& device, const BodyModel& body, const std::array<float, 10>& betas,
-                   const Parameters& net, const MeshPreset& preset, const CompileOptions& options)
+                   const Parameters& net, const MeshPreset& preset, const CompileOptions& options,
+                   std::span<const float> texels)
     : graph(device) {
     MeshNetwork network = meshNetwork(graph, body, meshNetConfig(preset), preset.clamps, net);
     LbsModel skin = lbsModel(graph, body);
@@ -56,14 +61,26 @@ MeshStep::MeshStep(Device& device, const BodyModel& body, const std::array<float
         graph.constant(body.restVertices(), {body.vertexCount, 3});
     Tensor beta = graph.constant(std::span<const float>(betas), {10});
     RasterMesh faces = rasterMesh(graph, body.faces, body.vertexCount);
-    Tensor everywhere;
+    const int64_t size = preset.size;
+    Tensor everywhere, alike;
     if (preset.loss == SilhouetteLoss::Edges)
-        everywhere = graph.constant(
-            std::vector<float>(static_cast<size_t>(preset.size) * size_t(preset.size), 1.0f),
-            {preset.size, preset.size});
+        everywhere = graph.constant(std::vector<float>(static_cast<size_t>(size * size), 1.0f),
+                                    {size, size});
+    const bool bounded = preset.stay > 0 || preset.smooth > 0;
+    if (bounded)
+        alike = graph.constant(std::vector<float>(static_cast<size_t>(body.vertexCount), 1.0f),
+                               {body.vertexCount});
+    const bool coloured = everywhere && preset.colour > 0 && !texels.empty();
+    SurfaceLook look;
+    if (coloured) {
+        const auto side = static_cast<int64_t>(std::lround(std::sqrt(texels.size() / 3)));
+        Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
+        look.atlas = rasterAtlas(graph, uvs, body.uvFaces);
+        look.texture = graph.constant(texels, {side, side, 3});
+    }
     for (int i = 0; i < preset.batch; ++i) {
         Sample sample{graph.input(kCameraShape), graph.input({preset.size, preset.size}),
-                      graph.input({kThetaSize}), graph.input({3}), {}};
+                      graph.input({kThetaSize}), graph.input({3}), {}, {}, {}};
         Tensor verts = network.refine(skin, rest, beta, sample.theta, sample.trans);
         Tensor mask = preset.dilateMask ? dilate3(graph, sample.target) : sample.target;
         // L_m = L_s + λ_gl L_gl + λ_gn L_gn
@@ -73,12 +90,27 @@ MeshStep::MeshStep(Device& device, const BodyModel& body, const std::array<float
             losses.term("iou_loss", preset.silhouette, silhouetteIouLoss(graph, silhouette, mask));
         } else {
             sample.scale = graph.input({1});
-            Tensor alpha = surfaceRender(graph, faces, verts, sample.camera, nullptr, preset.size,
-                                         preset.size)
-                               .alpha;
+            if (coloured) {
+                sample.image = graph.input({size, size, 3});
+                sample.background = graph.input({size, size, 3});
+                look.background = sample.background;
+            }
+            SurfaceRender drawn = surfaceRender(graph, faces, verts, sample.camera,
+                                                coloured ? &look : nullptr, size, size);
             losses.term("edges", preset.silhouette,
-                        pyramidLoss(graph, alpha, mask, everywhere, sample.scale,
+                        pyramidLoss(graph, drawn.alpha, mask, everywhere, sample.scale,
                                     {.cell1 = 2, .cell2 = 1, .cell4 = .5f, .cell8 = .25f}));
+            if (coloured)  // the mean of the channels
+                losses.term("colour", preset.colour / 3,
+                            pyramidLoss(graph, drawn.image, sample.image, everywhere, sample.scale,
+                                        {.cell1 = 1, .cell2 = .5f, .cell4 = .5f}, kRobust));
+        }
+        if (bounded) {
+            Tensor posed = lbs(graph, skin, rest, sample.theta, beta, sample.trans).verts;
+            losses.term("offsets", 1,
+                        offsetPenalty(graph, add(graph, verts, scaleShift(graph, posed, -1, 0)),
+                                      alike, network.mesh, static_cast<float>(preset.stay),
+                                      static_cast<float>(preset.smooth)));
         }
         losses.term("laplacian", preset.laplacian, laplacianLoss(graph, verts, network.mesh));
         losses.term("normal", preset.normal, normalConsistencyLoss(graph, verts, network.mesh));

@@ -2,9 +2,14 @@
 // section 3.1).
 //
 //     L_m = λ_gl L_gl + λ_gn L_gn + L_s
+//
+// A body that has a surface of its own (nn/steps/surface_step.h) should not be smoothed by L_gl and
+// L_gn, which the presets of such bodies set to zero: there it is the network's offsets from the posed
+// body that stay small and smooth, and colours may move them as well.
 #pragma once
 
 #include <array>
+#include <span>
 #include <vector>
 
 #include "nn/body/body.h"
@@ -43,7 +48,10 @@ CHOICES(SilhouetteLoss, Soft, Edges)
     NUMBER(double, gradientClip, 0, 0, kNoLimit, "largest gradient norm, 0: none; program: 2")  \
     FLAG(dilateMask, false, "the mask grows by a pixel before the loss; program: true")         \
     FLAG(balanceHeadings, false, "frames are drawn evenly over 8 body headings; program: true") \
-    CHOICE(SilhouetteLoss, loss, Soft, "L_s: the soft silhouette's IoU, or edges, without its bias")  \
+    CHOICE(SilhouetteLoss, loss, Soft, "L_s: the soft silhouette's IoU, or edges, without its bias") \
+    NUMBER(double, colour, 0, 0, kNoLimit, "weight of the colours' loss, where there are texels") \
+    NUMBER(double, stay, 0, 0, kNoLimit, "weight of small offsets from the posed body")        \
+    NUMBER(double, smooth, 0, 0, kNoLimit, "weight of smooth offsets from it")                  \
     CHOICE(ClampBounds, clamps, Paper, "whose table of K(v) bounds the blocks' offsets")
 struct MeshPreset {
     NUMBERS(MESH_NUMBERS)
@@ -78,14 +86,17 @@ struct MeshStep {
     struct Sample {
         Tensor camera, target, theta, trans;  // kCameraShape, [S,S], [72], [3]: inputs
         Tensor scale;  // [1] one over the mask's sum; input where edges are compared, else empty
+        Tensor image, background;  // [S,S,3] inputs where colours are compared, else empty
     };
     Graph graph;
-    Losses losses{graph};  // iou_loss or edges (L_s), laplacian (L_gl), normal (L_gn)
+    Losses losses{graph};  // iou_loss or edges (L_s), colour, offsets; laplacian (L_gl), normal (L_gn)
     std::vector<Sample> samples;
 
-    // net: as declared by addMeshNetParameters() and allocated; outlives the step.
+    // net: as declared by addMeshNetParameters() and allocated; outlives the step. texels
+    // [size,size,3]: what the body is drawn with where colours count; empty: they do not.
     MeshStep(Device& device, const BodyModel& body, const std::array<float, 10>& betas,
-             const Parameters& net, const MeshPreset& preset, const CompileOptions& options = {});
+             const Parameters& net, const MeshPreset& preset, const CompileOptions& options = {},
+             std::span<const float> texels = {});
 };
 
 }  // namespace doppel

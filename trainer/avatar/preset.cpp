@@ -87,7 +87,9 @@ Preset presetByName(std::string_view name) {
     preset.name = name;
     preset.texels.lrTheta = .005;
     preset.texels.lrTrans = .0015;
-    preset.texels.lrOffsets = .02;
+    preset.texels.lrOffsets = .03;
+    preset.texels.lambda = 2;  // colours tell finer things than outlines do
+    preset.texels.smooth = 100;
     preset.texels.lrTexels = .03;
     preset.texels.priorTheta = .02;
     preset.texels.priorTrans = .2;
@@ -104,8 +106,13 @@ Preset presetByName(std::string_view name) {
     preset.mesh.gradientClip = 2;
     preset.mesh.balanceHeadings = true;
     preset.mesh.loss = SilhouetteLoss::Edges;
+    // The body has a surface of its own by then, which is not to be smoothed away.
+    preset.mesh.laplacian = 0;
+    preset.mesh.colour = 4;
+    preset.mesh.stay = 3;
+    preset.mesh.smooth = 1000;
     preset.mesh.lr = 1e-3;
-    preset.mesh.normal = .05;
+    preset.mesh.normal = 0;
     preset.mesh.batch = 1;
     preset.texture.constantInput = true;
     preset.texture.region = Region::Intersection;

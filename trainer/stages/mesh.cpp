@@ -16,13 +16,18 @@ void trainMesh(Device& device, TrainResult& result, const TrainSettings& setting
     const Capture& capture = result.capture;
     const MeshPreset& preset = avatar.preset.mesh;
     FrameCache cache(capture);
-    TrainingFrames frames(device, avatar.body, capture, cache, preset.size, false, 1,
-                          settings.memoryBudget);
+    const bool coloured = preset.loss == SilhouetteLoss::Edges && preset.colour > 0 &&
+                          !avatar.texels.empty();
+    std::optional<BackgroundPlate> plate;
+    if (coloured) plate.emplace(capture, cache);
+    TrainingFrames frames(device, avatar.body, capture, cache, preset.size, coloured, 1,
+                          settings.memoryBudget, plate ? &*plate : nullptr);
 
     Parameters net;
     declareMeshNet(net, avatar, settings.seed);
     net.allocate(device);
-    MeshStep step(device, avatar.body, avatar.betas, net, preset, settings.compileOptions());
+    MeshStep step(device, avatar.body, avatar.betas, net, preset, settings.compileOptions(),
+                  avatar.texels);
 
     std::vector<double> weights;
     if (preset.balanceHeadings) weights = headingWeights(capture);
@@ -43,6 +48,10 @@ void trainMesh(Device& device, TrainResult& result, const TrainSettings& setting
             step.graph.write(sample.target, mask);
             if (sample.scale)
                 step.graph.write(sample.scale, std::vector<float>{1 / personPixels(mask)});
+            if (sample.image) {
+                step.graph.write(sample.image, frames.image(frame));
+                step.graph.write(sample.background, frames.background(frame));
+            }
             step.graph.write(
                 sample.camera,
                 cameraValues(rasterCamera(frames.camera(frame), preset.sigma, preset.blurRadius)));
