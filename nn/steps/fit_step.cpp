@@ -18,14 +18,16 @@ constexpr float kKeypointScale = 0.04f;
 
 }  // namespace
 
-std::vector<float> jointWeights() {
+std::vector<float> jointWeights(bool coloured) {
     std::vector<float> weights(kJointCount, 1);
-    for (size_t spine : {joint::kSpine1, joint::kSpine2, joint::kSpine3, joint::kNeck,
-                         joint::kLeftCollar, joint::kRightCollar})
-        weights[spine] = 2;
-    for (size_t end : {joint::kHead, joint::kLeftWrist, joint::kRightWrist}) weights[end] = 4;
-    for (size_t end : {joint::kLeftFoot, joint::kRightFoot, joint::kLeftHand, joint::kRightHand})
-        weights[end] = 20;
+    auto set = [&](std::initializer_list<size_t> joints, float weight) {
+        for (size_t j : joints) weights[j] = weight;
+    };
+    set({joint::kSpine1, joint::kSpine2, joint::kSpine3}, coloured ? 2.0f : 4.0f);
+    set({joint::kLeftCollar, joint::kRightCollar}, 2);
+    set({joint::kNeck, joint::kHead}, coloured ? 2.0f : 20.0f);
+    set({joint::kLeftWrist, joint::kRightWrist}, 4);
+    set({joint::kLeftFoot, joint::kRightFoot, joint::kLeftHand, joint::kRightHand}, 20);
     return weights;
 }
 
@@ -65,7 +67,7 @@ FitStep::FitStep(Device& device, const BodyModel& body, FitStart start, const Fi
     weights.trans = static_cast<float>(preset.priorTheta);
     weights.smooth = start_.video ? static_cast<float>(preset.smoothTheta) : 0.0f;
     weights.shape = static_cast<float>(preset.priorBeta);
-    Tensor joints = graph.constant(std::span<const float>(jointWeights()), {kJointCount});
+    Tensor joints = graph.constant(std::span<const float>(jointWeights(false)), {kJointCount});
     losses.term("prior", 1, posePrior(graph, correction, before, after, joints, beta, weights));
     if (start_.keypoints) {
         keypoints = graph.input({kJointCount, 3});

@@ -33,8 +33,9 @@ struct FitPreset {
 };
 
 // [24] What it costs a joint to leave its given rotation, relative to the others: silhouettes say
-// little of hands, feet and the twist of the spine, and nothing of the way a head is turned.
-std::vector<float> jointWeights();
+// little of hands, feet and the twist of the spine, and nothing of the way a head is turned, which
+// stays as it was given until colours tell.
+std::vector<float> jointWeights(bool coloured);
 
 // What is fitted: the frames' poses and the shape that they share.
 struct FitStart {

@@ -60,7 +60,7 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceStart sta
     constexpr uint32_t kFrameWord = offsetof(StepParams, frame) / 4;
     Tensor table = graph.attach(corrections.section(Parameters::kValues), {frames, kPoseRow});
     Tensor given = graph.constant(std::span<const float>(start_.poses), {frames, kPoseRow});
-    Tensor joints = graph.constant(std::span<const float>(jointWeights()), {kJointCount});
+    Tensor joints = graph.constant(std::span<const float>(jointWeights(coloured)), {kJointCount});
     PosePriorWeights prior;
     prior.pose = static_cast<float>(preset.priorTheta);
     prior.trans = static_cast<float>(preset.priorTrans) * transScale_ * transScale_;

@@ -88,8 +88,8 @@ Preset presetByName(std::string_view name) {
     preset.texels.lrTheta = .005;
     preset.texels.lrTrans = .0015;
     preset.texels.lrOffsets = .03;
-    preset.texels.lambda = 2;  // colours tell finer things than outlines do
-    preset.texels.smooth = 100;
+    preset.texels.lambda = 1;  // colours tell finer things than outlines do
+    preset.texels.smooth = 50;
     preset.texels.lrTexels = .03;
     preset.texels.priorTheta = .02;
     preset.texels.priorTrans = .2;
@@ -109,9 +109,9 @@ Preset presetByName(std::string_view name) {
     // The body has a surface of its own by then, which is not to be smoothed away.
     preset.mesh.laplacian = 0;
     preset.mesh.colour = 4;
-    preset.mesh.stay = 3;
-    preset.mesh.smooth = 1000;
-    preset.mesh.lr = 1e-3;
+    preset.mesh.stay = 10;
+    preset.mesh.smooth = 3000;
+    preset.mesh.lr = 5e-4;
     preset.mesh.normal = 0;
     preset.mesh.batch = 1;
     preset.texture.constantInput = true;
@@ -128,13 +128,12 @@ Preset presetByName(std::string_view name) {
         preset.shape.size = preset.texels.size = 512;
         preset.shape.steps = 400;
         preset.texels.steps = 400;
-        preset.mesh.lr = 5e-4;
-        preset.mesh.steps = 1500;
+        preset.mesh.steps = 300;
         preset.texture.width = 16;
-        preset.texture.steps = 600;
+        preset.texture.steps = 150;
         preset.refine.width = 16;
         preset.refine.discriminatorWidth = 16;
-        preset.refine.steps = 600;
+        preset.refine.steps = 150;
         return preset;
     }
     if (name == "ci") {
@@ -147,13 +146,13 @@ Preset presetByName(std::string_view name) {
         preset.mesh.layers = 3;
         preset.mesh.hidden = 32;
         preset.mesh.deviation = .03;
-        preset.mesh.steps = 200;
+        preset.mesh.steps = 100;
         preset.texture.size = 256;
         preset.texture.textureSize = 256;
         preset.texture.depth = 8;
         preset.texture.width = 12;
         preset.texture.dropout = 0;
-        preset.texture.steps = 400;
+        preset.texture.steps = 80;
         preset.refine.size = 256;
         preset.refine.depth = 8;
         preset.refine.width = 12;

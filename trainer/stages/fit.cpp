@@ -18,23 +18,6 @@ namespace {
 // The given poses may be off by more than the method's box allows for.
 constexpr double kFitMargin = 1.2;
 
-// Whether frames follow each other closely enough to tell about each other: views from all sides do
-// not. Rotations have been unwrapped.
-bool isVideo(const Capture& capture) {
-    std::vector<double> turns;
-    for (size_t i = 1; i < capture.size(); ++i) {
-        double sum = 0;
-        for (size_t k = 0; k < 3; ++k) {
-            double d = static_cast<double>(capture.theta[i][k] - capture.theta[i - 1][k]);
-            sum += d * d;
-        }
-        turns.push_back(std::sqrt(sum));
-    }
-    if (turns.size() < 2) return false;
-    std::ranges::nth_element(turns, turns.begin() + static_cast<long>(turns.size() / 2));
-    return turns[turns.size() / 2] < 0.35;  // 20 degrees
-}
-
 FitStart fitStart(const Capture& capture, bool fitShape) {
     FitStart start{.betas = capture.betas,
                    .fitShape = fitShape,
@@ -92,6 +75,21 @@ double mean(const std::vector<double>& values) {
 }
 
 }  // namespace
+
+bool isVideo(const Capture& capture) {
+    std::vector<double> turns;
+    for (size_t i = 1; i < capture.size(); ++i) {
+        double sum = 0;
+        for (size_t k = 0; k < 3; ++k) {
+            double d = static_cast<double>(capture.theta[i][k] - capture.theta[i - 1][k]);
+            sum += d * d;
+        }
+        turns.push_back(std::sqrt(sum));
+    }
+    if (turns.size() < 2) return false;
+    std::ranges::nth_element(turns, turns.begin() + static_cast<long>(turns.size() / 2));
+    return turns[turns.size() / 2] < 0.35;  // 20 degrees
+}
 
 std::vector<double> silhouetteIous(Device& device, const BodyModel& body, const Capture& capture,
                                    FrameCache& frames) {

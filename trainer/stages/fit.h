@@ -20,6 +20,10 @@ struct FitSettings {
     uint64_t memoryBudget = 0;  // see CompileOptions
 };
 
+// Whether frames follow each other closely enough to tell about each other: views from all sides do
+// not. Rotations have been unwrapped.
+bool isVideo(const Capture& capture);
+
 // Replaces capture.betas, theta and trans. Every frame needs a mask (InputError otherwise).
 // Interrupted is thrown with nothing changed but what settings.loop keeps.
 FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,

@@ -8,6 +8,7 @@
 #include "trainer/avatar/background.h"
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/stages/back_projection.h"
+#include "trainer/stages/fit.h"
 #include "trainer/stages/live_state.h"
 #include "trainer/stages/training_frames.h"
 
@@ -58,7 +59,8 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
                       .texels = run.texels,
                       .textureSize = run.textureSize,
                       .movesOffsets = run.movesOffsets,
-                      .movesTexels = run.movesTexels},
+                      .movesTexels = run.movesTexels,
+                      .video = isVideo(capture)},
                      preset,
                      {.memoryBudget = run.memoryBudget, .timestamps = run.loop.profileSteps > 0});
 
