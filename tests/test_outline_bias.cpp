@@ -56,16 +56,16 @@ Scene sceneOf(const BodyModel& body, const MotionFrame& frame, int size) {
 
 // A mask as a camera would see it: the true body's coverage, many samples to a pixel.
 std::vector<float> trueMask(const BodyModel& body, const Scene& scene, int size) {
-    constexpr int kSamples = 5;
+    const int samples = size > 512 ? 2 : size > 256 ? 3 : 5;  // as far as descriptors reach
     Graph graph(testDevice());
     Tensor verts = graph.input({body.vertexCount, 3}), camera = graph.input(kCameraShape);
     Tensor alpha = surfaceRender(graph, rasterMesh(graph, body.faces, body.vertexCount), verts,
-                                 camera, nullptr, size, size, {.samples = kSamples})
+                                 camera, nullptr, size, size, {.samples = samples})
                        .alpha;
     graph.output(alpha);
     graph.compile();
     Camera fine = scene.camera;
-    fine.fx *= kSamples, fine.fy *= kSamples, fine.cx *= kSamples, fine.cy *= kSamples;
+    fine.fx *= samples, fine.fy *= samples, fine.cx *= samples, fine.cy *= samples;
     graph.write(verts, scene.verts);
     graph.write(camera, cameraValues(rasterCamera(fine)));
     graph.run();

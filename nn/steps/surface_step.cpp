@@ -115,6 +115,15 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceStart sta
                     offsetPenalty(graph, own, alike, mesh, static_cast<float>(preset.stay),
                                   static_cast<float>(preset.smooth)));
     }
+    if (movesTexels && preset.stayTexels > 0) {  // their mean square
+        const auto count = static_cast<size_t>(texture * texture);
+        Tensor first =
+            graph.constant(std::span<const float>(start_.texels), {texture, texture, 3});
+        Tensor ones = graph.constant(std::vector<float>(count, 1.0f), {texture, texture});
+        Tensor mean = graph.constant(std::vector<float>{1 / static_cast<float>(3 * count)}, {1});
+        losses.term("texels", preset.stayTexels,
+                    pyramidLoss(graph, look.texture, first, ones, mean, {.cell1 = 1}));
+    }
     graph.backward(losses.sum());
 
     if (start_.movesPoses)

@@ -46,6 +46,7 @@ namespace doppel {
     NUMBER(double, priorTrans, .5, 0, kNoLimit, "weight of staying near the given places")        \
     NUMBER(double, smoothTheta, 0, 0, kNoLimit, "weight of slow corrections, in videos")          \
     NUMBER(double, stay, .3, 0, kNoLimit, "weight of small offsets")                              \
+    NUMBER(double, stayTexels, 0, 0, kNoLimit, "weight of texels near those that frames gave first") \
     NUMBER(double, smooth, 500, 0, kNoLimit, "weight of smooth offsets")                          \
     NUMBER(double, lambda, 10, 0, 1e4, "how far a step of the offsets is smoothed, edges squared")
 struct SurfacePreset {
@@ -78,7 +79,7 @@ struct SurfaceStep {
     };
     Parameters corrections, offsets, texels;  // outlive what the graph has under way
     Graph graph;
-    Losses losses{graph};  // silhouette (L_s), colour (L_c), prior, offsets
+    Losses losses{graph};  // silhouette (L_s), colour (L_c), prior, offsets, texels
     std::vector<Sample> samples;
 
     SurfaceStep(Device& device, const BodyModel& body, SurfaceStart start,

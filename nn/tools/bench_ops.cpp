@@ -201,6 +201,8 @@ void addOps() {
     addCase({"vertex_normals", "body", {verts, faces}});
     addCase({"laplacian_loss", "body", {verts, faces}});
     addCase({"normal_consistency_loss", "body", {verts, faces}});
+    addCase({"offset_penalty", "body", {verts, faces, {"weight", {V}}}});
+    addCase({"smooth_solve", "body", {verts, faces}});
     addCase({"offset_clamp", "body", {verts, {"offset", {V, 3}}, {"limit", {V}, [V] {
                                                                       return std::vector<float>(
                                                                           size_t(V), .04f);
@@ -244,6 +246,15 @@ void addOps() {
              "512",
              {verts, faces, uvs, facesUv, {"texture", {512, 512, 3}}},
              with(camera(512), {{"samples", 2}})});
+    addCase({"surface_render",
+             "256",
+             {verts,
+              faces,
+              uvs,
+              facesUv,
+              {"texture", {512, 512, 3}},
+              {"background", {256, 256, 3}}},
+             with(camera(256), {{"samples", 2}})});
     addCase({"visibility_map", "512", {verts, faces, uvs, facesUv}, {{"size", 512}}});
 
     // ---- pictures' losses -------------------------------------------------------------------
@@ -259,6 +270,11 @@ void addOps() {
              "512",
              {unit("predicted", {512, 512, 3}, 1), unit("target", {512, 512, 3}, 2),
               unit("mask", {512, 512}, 3)}});
+    addCase({"pyramid_loss",
+             "256",
+             {unit("a", {256, 256, 3}, 1), unit("b", {256, 256, 3}, 2), unit("counts", {256, 256}, 3),
+              unit("scale", {1}, 4)},
+             {{"weight2", .5}, {"weight4", .5}, {"epsilon", .02}}});
     addCase({"ssim", "512", {unit("a", {512, 512, 3}, 1), unit("b", {512, 512, 3}, 2)}});
     addCase({"dilate3", "256", {unit("x", {1, 256, 256}, 1)}});
     addCase({"keypoint_loss",
@@ -331,6 +347,10 @@ void addOps() {
              {{"row", 3}, {"updates", 5}, {"lr", 1e-3}},
              false,
              7.0 * 75 * 4});
+    addCase({"uniform_adam",
+             "body",
+             {{"param", {V, 3}}, {"grad", {1, V, 3}}},
+             {{"lr", .01}}});
     addCase({"clip_norm", "mesh_net", {{"grad", {576676}}}, {{"max_norm", 2}}});
     addCase({"select_row",
              "poses",

@@ -4,7 +4,7 @@
 // keeps the loss lowest where the pictures agree, and lets far parts be felt: with d_l the mean of
 // the cell that a pixel lies in,
 //     da = dloss scale counts sum_l weight_l rho'(d_l).
-// One invocation per 8x8 block and channel.
+// a, b [H,W,C], counts [H,W]. One invocation per 8x8 block and channel.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require

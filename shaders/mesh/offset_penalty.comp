@@ -3,8 +3,8 @@
 //     loss = scale sum_v (stay weight_v |x_v|^2 + smooth |y_v|^2),
 //     dx_v = 2 scale dloss (stay weight_v x_v + smooth (y_v - sum over the neighbours j of
 //            y_j / degree_j)).
-// The offsets are smooth, not the surface: what the body's own shape has of creases stays. Metres;
-// scale is one over the number of vertices. A vertex without neighbours has y = 0.
+// x [V,3]. The offsets are smooth, not the surface: what the body's own shape has of creases stays.
+// Metres; scale is one over the number of vertices. A vertex without neighbours has y = 0.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

@@ -1,6 +1,8 @@
-// A surface over a background: the mean of samples^2 samples per pixel, each the colour of the face
-// that it sees, or the background where it sees none. image [H,W,3], alpha [H,W], the part of the
-// samples that see a face. Backward to the samples' colours: dImage / samples^2 where a face is seen.
+// A surface over a background, the mean of samples^2 samples per pixel:
+//     image = 1 / samples^2 sum (the colour where a face is seen, else the background),
+//     alpha = 1 / samples^2 sum (1 where a face is seen, else 0),
+//     dcolour = dimage / samples^2 where a face is seen.
+// image [H,W,3] sRGB-encoded, alpha [H,W].
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

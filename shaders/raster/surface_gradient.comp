@@ -2,8 +2,8 @@
 // X = sum b_i v_i is seen at p = (fx X.x / X.z + cx, fy X.y / X.z + cy), and so
 //     dv_i = sum over the samples that see the face of b_i (dp/dX)^T force,
 //     (dp/dX)^T f = (fx f.x, fy f.y, -(f.x (p.x - cx) + f.y (p.y - cy))) / X.z.
-// Each face gathers over the samples of its box in their order, each vertex over its corners: the
-// same bits every time. Metres; forces per sample.
+// dverts [V,3], force [height,width,2]. Each face gathers over the samples of its box in their order,
+// each vertex over its corners: the same bits every time. Metres; forces per sample.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

@@ -125,9 +125,12 @@ Preset presetByName(std::string_view name) {
     if (name == "small") {
         preset.mesh.hidden = 64;
         preset.mesh.deviation = .02;
+        preset.fit.sigma = 1e-6;
         preset.shape.size = preset.texels.size = 512;
         preset.shape.steps = 400;
-        preset.texels.steps = 400;
+        preset.texels.steps = 300;
+        preset.texels.samples = 2;
+        preset.texels.lrTexels = .01;  // few frames show a texel: their noise should not
         preset.mesh.steps = 300;
         preset.texture.width = 16;
         preset.texture.steps = 150;
