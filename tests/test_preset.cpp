@@ -106,11 +106,11 @@ TEST(Presets, HelpListsEveryNumberWithItsValuesRangeAndMeaning) {
         return fmt::format("{}", fmt::join(words, " "));
     };
     EXPECT_EQ(lineOf("mesh.batch"), "mesh.batch 1 1 4 1 to 256");
-    EXPECT_EQ(lineOf("mesh.lr"), "mesh.lr 0.001 0.0005 0.0001 0 to 10");
+    EXPECT_EQ(lineOf("mesh.lr"), "mesh.lr 0.0005 0.0005 0.0001 0 to 10");
     EXPECT_EQ(lineOf("texture.region"),
               "texture.region intersection intersection union union or "
               "intersection");
-    EXPECT_EQ(lineOf("mesh.steps"), "mesh.steps 200 1500 0 0 or more");
+    EXPECT_EQ(lineOf("mesh.steps"), "mesh.steps 100 300 0 0 or more");
 }
 
 }  // namespace
