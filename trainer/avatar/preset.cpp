@@ -128,9 +128,15 @@ Preset presetByName(std::string_view name) {
         preset.fit.sigma = 1e-6;
         preset.shape.size = preset.texels.size = 512;
         preset.shape.steps = 400;
-        preset.texels.steps = 300;
+        preset.texels.steps = 200;
         preset.texels.samples = 2;
-        preset.texels.lrTexels = .01;  // few frames show a texel: their noise should not
+        // Real poses are off by more than the actors', and few frames may show a texel: neither is to
+        // be answered by creases and noise.
+        preset.texels.lambda = 4;
+        preset.texels.smooth = 200;
+        preset.texels.lrOffsets = .02;
+        preset.texels.lrTexels = .01;
+        preset.texels.stayTexels = 2;
         preset.mesh.steps = 300;
         preset.texture.width = 16;
         preset.texture.steps = 150;

@@ -142,6 +142,9 @@ void runDemo(const DemoOptions& options) {
     exportAvatar(device, person, out / "avatar.glb", &greetings);
     writeContactSheet(device, person, test, testFitted, out / "contact.png");
 
+    std::vector<std::pair<std::string, std::optional<double>>> more{
+        {"pictures_iou", byPictures.iou}, {"pictures_psnr_body", byPictures.psnrBody}};
+    for (const auto& [name, value] : byPictures.figures) more.emplace_back("pictures_" + name, value);
     std::string json =
         metricsJson(metrics,
                     {{"capture", "synthetic actor, held-out frames"},
@@ -155,7 +158,7 @@ void runDemo(const DemoOptions& options) {
                      {"psnr_body_without_test_fit", fmt::format("{:.3f}", unfittedResult.psnrBody)},
                      {"seconds", fmt::format("{:.1f}", seconds())},
                      {"device", device.info().name}},
-                    true);
+                    true, more);
     AtomicFile file(out / "metrics.json");
     file.write(json + "\n");
     file.commit();
@@ -181,7 +184,7 @@ void runDemo(const DemoOptions& options) {
         row(result.figures[i].first, result.figures[i].second, byPictures.figures.at(i).second);
     fmt::print(
         "in {}: avatar/, avatar.glb, turntable.mp4, reenact.mp4, contact.png, "
-        "metrics.json\n",
+        "held-out/report.html, metrics.json\n",
         out.string());
 }
 
