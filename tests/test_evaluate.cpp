@@ -114,8 +114,8 @@ TEST_F(Evaluate, AReportShowsEveryFrame) {
     EXPECT_NE(html.find("sharpness_head"), std::string::npos);
 }
 
-// The actress through her own eyes, her poses lost: her pictures find them again, colours better than
-// outlines.
+// The actress through her own eyes, her poses lost: her pictures find them again, colours better
+// than outlines.
 TEST_F(Evaluate, PicturesFindPoses) {
     Avatar avatar = avatar_;
     avatar.preset.shape.size = avatar.preset.texels.size = 96;
@@ -151,7 +151,8 @@ TEST_F(Evaluate, FramesGiveTheTextureBack) {
     auto interior = [&](const Avatar& of) {
         const FrameMetrics mean = meanMetrics(evaluateCapture(testDevice(), of, capture_).frames);
         return std::ranges::find(mean.figures, "psnr_interior",
-                                 &std::pair<std::string, double>::first)->second;
+                                 &std::pair<std::string, double>::first)
+            ->second;
     };
     const double own = interior(avatar);
     EXPECT_GT(own, 22);

@@ -288,9 +288,8 @@ Values pyramidReference(const Values& in) {
                                    (a.data[i] - in.at("b").data[i]);
                         }
                     const double n = double(cell * cell), d = sum / n;
-                    const double rho = epsilon > 0
-                                           ? std::sqrt(d * d + epsilon * epsilon) - epsilon
-                                           : d * d;
+                    const double rho =
+                        epsilon > 0 ? std::sqrt(d * d + epsilon * epsilon) - epsilon : d * d;
                     loss += in.at("weight" + std::to_string(cell)).data[0] * n * rho;
                 }
     return {{"loss", {{}, {loss * in.at("scale").data[0]}}}};
@@ -316,14 +315,16 @@ TEST(PyramidLoss, AgainstPlainLoop) {
 TEST(PyramidLoss, EqualPicturesGiveZero) {
     const Value a = uniform({13, 11, 3}, 0, 1, 1);
     for (double epsilon : {0., .02})
-        checkOp("pyramid_loss",
-                {.inputs = {{"a", a},
-                            {"b", a},
-                            {"counts", uniform({13, 11}, 0, 1, 3)},
-                            {"scale", {{1}, {1}}}},
-                 .attributes = {{"weight1", 1}, {"weight2", 1}, {"weight4", 1}, {"weight8", 1},
-                                {"epsilon", epsilon}},
-                 .reference = pyramidReference});
+        checkOp("pyramid_loss", {.inputs = {{"a", a},
+                                            {"b", a},
+                                            {"counts", uniform({13, 11}, 0, 1, 3)},
+                                            {"scale", {{1}, {1}}}},
+                                 .attributes = {{"weight1", 1},
+                                                {"weight2", 1},
+                                                {"weight4", 1},
+                                                {"weight8", 1},
+                                                {"epsilon", epsilon}},
+                                 .reference = pyramidReference});
 }
 
 TEST(Losses, SameBitsTwice) {

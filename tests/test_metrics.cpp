@@ -128,8 +128,8 @@ TEST(PictureFigures, TellWhatIsWrong) {
     const std::vector<float> frame = picture(mask, 0, false);
     auto figures = [&](const std::vector<float>& render, const std::vector<uint8_t>& coverage) {
         const std::vector<float> person = cut(render, coverage);
-        const Figures all = pictureFigures(
-            {kSize, kSize, render, frame, person, coverage, mask, {10, 10, 30, 30}});
+        const Figures all =
+            pictureFigures({kSize, kSize, render, frame, person, coverage, mask, {10, 10, 30, 30}});
         std::map<std::string, double> map(all.begin(), all.end());
         EXPECT_EQ(map.size(), all.size());
         return map;
@@ -183,8 +183,8 @@ TEST(Metrics, FramesAndJson) {
     std::vector<FrameMetrics> figured = frames;
     figured[0].figures = {{"outline_bias", 1}, {"psnr_head", 20}};
     figured[1].figures = {{"outline_bias", 2}};  // its head is out of the picture
-    EXPECT_EQ(meanMetrics(figured).figures,
-              (std::vector<std::pair<std::string, double>>{{"outline_bias", 1.5}, {"psnr_head", 20}}));
+    EXPECT_EQ(meanMetrics(figured).figures, (std::vector<std::pair<std::string, double>>{
+                                                {"outline_bias", 1.5}, {"psnr_head", 20}}));
     const auto json =
         nlohmann::ordered_json::parse(metricsJson(frames, {{"poses", "as given"}}, true));
     std::vector<std::string> keys;

@@ -68,7 +68,8 @@ TEST(Optim, AdamWRowTouchesOneRow) {
     }
 }
 
-// One step from rest: m = (1 - b1) f g, v = (1 - b2) max |f g|^2, and the preconditioner f once more.
+// One step from rest: m = (1 - b1) f g, v = (1 - b2) max |f g|^2, and the preconditioner f once
+// more.
 TEST(Optim, UniformAdamKeepsDirections) {
     for (int64_t rows : {1, 7, 64, 2050})
         checkOp("uniform_adam",
@@ -79,8 +80,8 @@ TEST(Optim, UniformAdamKeepsDirections) {
                      const std::vector<double>& g = in.at("grad").data;
                      double most = 0;
                      for (size_t i = 0; i < g.size(); i += 3)
-                         most = std::max(most, g[i] * g[i] + g[i + 1] * g[i + 1] +
-                                                   g[i + 2] * g[i + 2]);
+                         most = std::max(most,
+                                         g[i] * g[i] + g[i + 1] * g[i + 1] + g[i + 2] * g[i + 2]);
                      for (size_t i = 0; i < g.size(); ++i)
                          x.data[i] -= .01 * .5 * g[i] / std::sqrt(most);
                      return {{"param_out", x}};

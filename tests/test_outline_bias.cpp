@@ -113,8 +113,7 @@ Loss edges(const PyramidWeights& weights, int64_t samples = 1) {
         CHECK(samples == 1, "the camera is of one sample per pixel");
         Tensor alpha = surfaceRender(graph, mesh, verts, camera, nullptr, size, size).alpha;
         Tensor one = graph.constant(std::vector<float>{1e-3f}, {1});
-        Tensor counts =
-            graph.constant(std::vector<float>(size_t(size * size), 1.0f), {size, size});
+        Tensor counts = graph.constant(std::vector<float>(size_t(size * size), 1.0f), {size, size});
         return pyramidLoss(graph, alpha, mask, counts, one, weights);
     };
 }

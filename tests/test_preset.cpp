@@ -87,7 +87,8 @@ TEST(Presets, EveryNumberIsSetByItsName) {
     std::set<std::string> names;
     for (const auto& [name, value] : presetValues(preset)) EXPECT_TRUE(names.insert(name).second);
     EXPECT_EQ(names.size(), 132u);
-    EXPECT_EQ(presetSections(), (std::vector<std::string>{"fit", "shape", "texels", "mesh", "texture", "refine"}));
+    EXPECT_EQ(presetSections(),
+              (std::vector<std::string>{"fit", "shape", "texels", "mesh", "texture", "refine"}));
 }
 
 TEST(Presets, HelpListsEveryNumberWithItsValuesRangeAndMeaning) {

@@ -1,6 +1,6 @@
 // surface_render: the picture against plain loops in double precision, and its gradient against
-// differences of what the op declares its derivative to be: colours of the faces that were seen, and
-// edges that the near surface carries.
+// differences of what the op declares its derivative to be: colours of the faces that were seen,
+// and edges that the near surface carries.
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -77,8 +77,8 @@ Vec3 textureAt(const Values& v, size_t face, Vec3 b) {
     for (int y = 0; y < 2; ++y)
         for (int x = 0; x < 2; ++x) {
             const double weight = (y ? share[1] : 1 - share[1]) * (x ? share[0] : 1 - share[0]);
-            const auto texel = size_t((y ? high[1] : low[1]) * double(texture.shape[1]) +
-                                      (x ? high[0] : low[0]));
+            const auto texel =
+                size_t((y ? high[1] : low[1]) * double(texture.shape[1]) + (x ? high[0] : low[0]));
             for (size_t c = 0; c < 3; ++c) colour[c] += weight * texture.data[3 * texel + c];
         }
     return colour;
@@ -172,8 +172,7 @@ Values reference(const Values& v, const Decided& decided) {
     for (size_t i = 0; i < decided.samples.size(); ++i)
         shown.push_back(shownAt(v, grid, decided, i));
     for (const Decided::Edge& edge : decided.edges) {
-        const double moved =
-            placeOf(v, grid, decided.samples[edge.near], edge.axis) - edge.place;
+        const double moved = placeOf(v, grid, decided.samples[edge.near], edge.axis) - edge.place;
         for (size_t i : {edge.near, edge.far})
             for (size_t c = 0; c < 4; ++c)
                 shown[i][c] += .5 * edge.sign * moved * edge.difference[c];
@@ -237,10 +236,10 @@ OpCase twoBalls(int rows, int64_t width, int64_t height, int64_t samples, bool c
         test.inputs["texture"] = uniform({6, 5, 3}, 0, 1, 8);
         test.inputs["background"] = uniform({height, width, 3}, 0, 1, 9);
     }
-    test.attributes = {{"fx", double(width)},        {"fy", double(width)},
+    test.attributes = {{"fx", double(width)},           {"fy", double(width)},
                        {"cx", double(width) * .5 + .3}, {"cy", double(height) * .5 - .2},
-                       {"width", double(width)},     {"height", double(height)},
-                       {"samples", double(samples)}, {"edge_jump", .03}};
+                       {"width", double(width)},        {"height", double(height)},
+                       {"samples", double(samples)},    {"edge_jump", .03}};
     test.reference = reference();
     return test;
 }
@@ -264,7 +263,8 @@ TEST(SurfaceRender, FacesSmallerThanPixels) {
     checkOp("surface_render", test);
 }
 
-// The gradient of a covered area is that of the disc's own: what makes a silhouette's loss unbiased.
+// The gradient of a covered area is that of the disc's own: what makes a silhouette's loss
+// unbiased.
 TEST(SurfaceRender, AreaGrowsWithTheOutline) {
     constexpr int64_t kSize = 96;
     OpCase test = twoBalls(40, kSize, kSize, 1, false);

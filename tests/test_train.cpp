@@ -122,10 +122,12 @@ TEST(Train, LearnsASurfaceBeyondTheModel) {
     settings.stages = {"fit", "shape", "texels"};
     const TrainResult result = trainAvatar(testDevice(), avatar, capture, settings);
 
-    const FrameMetrics mean = meanMetrics(evaluateAvatar(testDevice(), result.avatar, result.capture));
+    const FrameMetrics mean =
+        meanMetrics(evaluateAvatar(testDevice(), result.avatar, result.capture));
     EXPECT_GT(mean.iou, result.fit->iouAfter + .02);
     auto figure = [&](std::string_view name) {
-        return std::ranges::find(mean.figures, name, &std::pair<std::string, double>::first)->second;
+        return std::ranges::find(mean.figures, name, &std::pair<std::string, double>::first)
+            ->second;
     };
     EXPECT_LT(std::abs(figure("outline_bias")), .15);
     EXPECT_GT(figure("psnr_interior"), 24);
@@ -222,9 +224,10 @@ void trainUntil(const TrainOptions& options, bool resume, double checkpointSecon
 
 void expectSameResult(const fs::path& a, const fs::path& b) {
     for (const char* name :
-         {"body.npz", "texels.png", "mesh_net.safetensors", "texture_net.safetensors", "texture.png",
-          "refine_net.safetensors", "texture_baked.png", "preview.png", "log/losses_fit.csv",
-          "log/losses_shape.csv", "log/losses_texels.csv", "log/losses_mesh.csv", "log/losses_texture.csv", "log/losses_refine.csv"}) {
+         {"body.npz", "texels.png", "mesh_net.safetensors", "texture_net.safetensors",
+          "texture.png", "refine_net.safetensors", "texture_baked.png", "preview.png",
+          "log/losses_fit.csv", "log/losses_shape.csv", "log/losses_texels.csv",
+          "log/losses_mesh.csv", "log/losses_texture.csv", "log/losses_refine.csv"}) {
         std::string bytes = bytesOf(a / name);
         EXPECT_FALSE(bytes.empty()) << name;
         EXPECT_EQ(bytes, bytesOf(b / name)) << name;
@@ -250,7 +253,8 @@ std::unique_ptr<test::Folder> Resume::folder_;
 TEST_F(Resume, EndsWithTheSameBytesAfterCtrlCInEveryStage) {
     TrainOptions options = restlessOptions(capture(), folder_->path() / "stopped");
     const std::vector<std::pair<std::string, int64_t>> stops{
-        {"fit", 5}, {"fit", 12}, {"shape", 3}, {"texels", 1}, {"texels", 5}, {"mesh", 3}, {"texture", 6}, {"refine", 1}, {"refine", 5}};
+        {"fit", 5},  {"fit", 12},    {"shape", 3},  {"texels", 1}, {"texels", 5},
+        {"mesh", 3}, {"texture", 6}, {"refine", 1}, {"refine", 5}};
     for (size_t k = 0; k < stops.size(); ++k) {
         const auto& [stage, step] = stops[k];
         catchInterrupts();
@@ -339,11 +343,9 @@ TEST_F(Resume, EndsWithTheSameBytesWhenItIsWatched) {
         EXPECT_TRUE(live.texture.empty());
     });
     EXPECT_TRUE(opened);
-    EXPECT_EQ(states, (std::map<std::string, int>{{"shape", 2},
-                                                   {"texels", 2},
-                                                   {"mesh", 2},
-                                                   {"texture", 2},
-                                                   {"refine", 2}}));
+    EXPECT_EQ(states,
+              (std::map<std::string, int>{
+                  {"shape", 2}, {"texels", 2}, {"mesh", 2}, {"texture", 2}, {"refine", 2}}));
     expectSameResult(options.out, whole());
 }
 

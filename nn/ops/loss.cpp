@@ -116,8 +116,8 @@ Tensor pyramidLoss(Graph& graph, const Tensor& a, const Tensor& b, const Tensor&
     CHECK(epsilon >= 0, "epsilon {} is not negative", epsilon);
     const int64_t height = a.dim(0), width = a.dim(1), channels = a.elements() / (height * width);
     const int64_t across = (width + 7) / 8, blocks = across * ((height + 7) / 8);
-    const PyramidLossParams params{u32(width),    u32(height),   u32(channels),  u32(across),
-                                   u32(blocks),   weights.cell1, weights.cell2,  weights.cell4,
+    const PyramidLossParams params{u32(width),    u32(height),   u32(channels), u32(across),
+                                   u32(blocks),   weights.cell1, weights.cell2, weights.cell4,
                                    weights.cell8, epsilon};
     const int64_t terms = blocks * channels;
     Tensor partial = graph.temporary({terms}), loss = graph.temporary({});

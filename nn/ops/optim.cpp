@@ -126,9 +126,10 @@ void uniformAdam(Graph& graph, const Tensor& value, const Tensor& gradient, cons
                    params, 1);
     Tensor direction = precondition(moment1);
     graph.beginOp("uniform_adam");
-    graph.dispatch("optim/uniform_adam.apply",
-                   {{"moment2", moment2}, {"direction", direction}, {"value", value}, {"step", step}},
-                   params, params.rows);
+    graph.dispatch(
+        "optim/uniform_adam.apply",
+        {{"moment2", moment2}, {"direction", direction}, {"value", value}, {"step", step}}, params,
+        params.rows);
 }
 
 Tensor clipNorm(Graph& graph, const Tensor& gradient, float maxNorm) {

@@ -20,7 +20,8 @@ SurfaceRender surfaceRender(Graph& graph, const RasterMesh& mesh, const Tensor& 
         visibilityBuffer(graph, mesh, verts, camera, rows, columns, options.raster);
     const bool coloured = look != nullptr;
     const Tensor none = graph.none();
-    const Tensor colours = coloured ? texturedRender(graph, seen, look->atlas, look->texture) : none;
+    const Tensor colours =
+        coloured ? texturedRender(graph, seen, look->atlas, look->texture) : none;
     const Tensor background = coloured ? look->background : none;
     if (coloured)
         CHECK(background.shape == (Shape{height, width, 3}), "the background is [{},{},3]", height,
@@ -138,8 +139,14 @@ static const Op kSurfaceRender{{
         [](OpCall& c) {
             const int64_t samples = side(c, "samples", 16);
             const auto scale = static_cast<float>(samples);
-            const RasterCamera camera{scale * c.f("fx"), scale * c.f("fy"), scale * c.f("cx"),
-                                      scale * c.f("cy"), 1, 0, 0, 0};
+            const RasterCamera camera{scale * c.f("fx"),
+                                      scale * c.f("fy"),
+                                      scale * c.f("cx"),
+                                      scale * c.f("cy"),
+                                      1,
+                                      0,
+                                      0,
+                                      0};
             Tensor cameraTensor =
                 c.graph.constant(std::span<const float>(cameraValues(camera)), kCameraShape);
             RasterMesh mesh = rasterMesh(c.graph, c.ints("faces"), c["verts"].dim(0));
@@ -151,12 +158,12 @@ static const Op kSurfaceRender{{
                 look = {rasterAtlas(c.graph, c["uvs"], c.ints("faces_uv")), c["texture"],
                         c["background"]};
             }
-            SurfaceRender drawn = surfaceRender(
-                c.graph, mesh, c["verts"], cameraTensor, coloured ? &look : nullptr,
-                side(c, "height", 8192 / samples), side(c, "width", 8192 / samples),
-                {.samples = samples,
-                 .edgeJump = c.f("edge_jump"),
-                 .raster = {.largeBox = c.u("large_box")}});
+            SurfaceRender drawn =
+                surfaceRender(c.graph, mesh, c["verts"], cameraTensor, coloured ? &look : nullptr,
+                              side(c, "height", 8192 / samples), side(c, "width", 8192 / samples),
+                              {.samples = samples,
+                               .edgeJump = c.f("edge_jump"),
+                               .raster = {.largeBox = c.u("large_box")}});
             c.result("alpha", drawn.alpha);
             if (coloured) c.result("image", drawn.image);
         },

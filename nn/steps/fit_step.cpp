@@ -55,8 +55,7 @@ FitStep::FitStep(Device& device, const BodyModel& body, FitStart start, const Fi
 
     Pose pose = poseCorrection(graph, selectRow(graph, given, graph.step(), kFrameWord), correction,
                                kTransScale);
-    Tensor rest =
-        graph.constant(body.restVertices(), {body.vertexCount, 3});
+    Tensor rest = graph.constant(body.restVertices(), {body.vertexCount, 3});
     PosedBody posed = lbs(graph, lbsModel(graph, body), rest, pose.theta, beta, pose.trans);
     RasterMesh mesh = rasterMesh(graph, body.faces, body.vertexCount);
     Tensor silhouette = softSilhouette(graph, mesh, posed.verts, camera, size, size);

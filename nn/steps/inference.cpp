@@ -14,8 +14,7 @@ Inference::Inference(Device& device, const BodyModel& body, const std::array<flo
     trans = graph.input({3});
     camera = graph.input(kCameraShape);
     Tensor beta = graph.constant(std::span<const float>(betas), {10});
-    Tensor rest =
-        graph.constant(body.restVertices(), {body.vertexCount, 3});
+    Tensor rest = graph.constant(body.restVertices(), {body.vertexCount, 3});
     LbsModel skin = lbsModel(graph, body);
     MeshNetwork network = meshNetwork(graph, body, config.net, config.clamps, meshNet);
     verts = network.refine(skin, rest, beta, theta, trans);

@@ -57,8 +57,7 @@ MeshStep::MeshStep(Device& device, const BodyModel& body, const std::array<float
     : graph(device) {
     MeshNetwork network = meshNetwork(graph, body, meshNetConfig(preset), preset.clamps, net);
     LbsModel skin = lbsModel(graph, body);
-    Tensor rest =
-        graph.constant(body.restVertices(), {body.vertexCount, 3});
+    Tensor rest = graph.constant(body.restVertices(), {body.vertexCount, 3});
     Tensor beta = graph.constant(std::span<const float>(betas), {10});
     RasterMesh faces = rasterMesh(graph, body.faces, body.vertexCount);
     const int64_t size = preset.size;
@@ -79,8 +78,13 @@ MeshStep::MeshStep(Device& device, const BodyModel& body, const std::array<float
         look.texture = graph.constant(texels, {side, side, 3});
     }
     for (int i = 0; i < preset.batch; ++i) {
-        Sample sample{graph.input(kCameraShape), graph.input({preset.size, preset.size}),
-                      graph.input({kThetaSize}), graph.input({3}), {}, {}, {}};
+        Sample sample{graph.input(kCameraShape),
+                      graph.input({preset.size, preset.size}),
+                      graph.input({kThetaSize}),
+                      graph.input({3}),
+                      {},
+                      {},
+                      {}};
         Tensor verts = network.refine(skin, rest, beta, sample.theta, sample.trans);
         Tensor mask = preset.dilateMask ? dilate3(graph, sample.target) : sample.target;
         // L_m = L_s + λ_gl L_gl + λ_gn L_gn

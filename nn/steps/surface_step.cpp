@@ -51,10 +51,9 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceStart sta
     if (coloured) {
         Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
         look.atlas = rasterAtlas(graph, uvs, body.uvFaces);
-        look.texture = movesTexels
-                           ? graph.parameter(texels, "texels")
-                           : graph.constant(std::span<const float>(start_.texels),
-                                            {texture, texture, 3});
+        look.texture = movesTexels ? graph.parameter(texels, "texels")
+                                   : graph.constant(std::span<const float>(start_.texels),
+                                                    {texture, texture, 3});
     }
 
     constexpr uint32_t kFrameWord = offsetof(StepParams, frame) / 4;
@@ -93,20 +92,20 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceStart sta
                                             coloured ? &look : nullptr, size, size, drawing);
         losses.term("silhouette", preset.silhouette,
                     pyramidLoss(graph, drawn.alpha, sample.mask, sample.counts, sample.scale,
-                                weights(preset.silhouette1, preset.silhouette2,
-                                        preset.silhouette4, preset.silhouette8)));
+                                weights(preset.silhouette1, preset.silhouette2, preset.silhouette4,
+                                        preset.silhouette8)));
         if (coloured)  // the mean of the channels
-            losses.term("colour", preset.colour / 3,
-                        pyramidLoss(graph, drawn.image, sample.image, sample.counts, sample.scale,
-                                    weights(preset.colour1, preset.colour2, preset.colour4,
-                                            preset.colour8),
-                                    static_cast<float>(preset.robust)));
+            losses.term(
+                "colour", preset.colour / 3,
+                pyramidLoss(graph, drawn.image, sample.image, sample.counts, sample.scale,
+                            weights(preset.colour1, preset.colour2, preset.colour4, preset.colour8),
+                            static_cast<float>(preset.robust)));
         if (start_.movesPoses)
-            losses.term("prior", 1,
-                        posePrior(graph, correction,
-                                  selectRow(graph, table, sample.step, kFrameWord, -1),
-                                  selectRow(graph, table, sample.step, kFrameWord, 1), joints, beta,
-                                  prior));
+            losses.term(
+                "prior", 1,
+                posePrior(graph, correction, selectRow(graph, table, sample.step, kFrameWord, -1),
+                          selectRow(graph, table, sample.step, kFrameWord, 1), joints, beta,
+                          prior));
         samples.push_back(sample);
     }
     if (start_.movesOffsets) {
@@ -117,8 +116,7 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceStart sta
     }
     if (movesTexels && preset.stayTexels > 0) {  // their mean square
         const auto count = static_cast<size_t>(texture * texture);
-        Tensor first =
-            graph.constant(std::span<const float>(start_.texels), {texture, texture, 3});
+        Tensor first = graph.constant(std::span<const float>(start_.texels), {texture, texture, 3});
         Tensor ones = graph.constant(std::vector<float>(count, 1.0f), {texture, texture});
         Tensor mean = graph.constant(std::vector<float>{1 / static_cast<float>(3 * count)}, {1});
         losses.term("texels", preset.stayTexels,

@@ -246,15 +246,11 @@ void addOps() {
              "512",
              {verts, faces, uvs, facesUv, {"texture", {512, 512, 3}}},
              with(camera(512), {{"samples", 2}})});
-    addCase({"surface_render",
-             "256",
-             {verts,
-              faces,
-              uvs,
-              facesUv,
-              {"texture", {512, 512, 3}},
-              {"background", {256, 256, 3}}},
-             with(camera(256), {{"samples", 2}})});
+    addCase(
+        {"surface_render",
+         "256",
+         {verts, faces, uvs, facesUv, {"texture", {512, 512, 3}}, {"background", {256, 256, 3}}},
+         with(camera(256), {{"samples", 2}})});
     addCase({"visibility_map", "512", {verts, faces, uvs, facesUv}, {{"size", 512}}});
 
     // ---- pictures' losses -------------------------------------------------------------------
@@ -272,8 +268,8 @@ void addOps() {
               unit("mask", {512, 512}, 3)}});
     addCase({"pyramid_loss",
              "256",
-             {unit("a", {256, 256, 3}, 1), unit("b", {256, 256, 3}, 2), unit("counts", {256, 256}, 3),
-              unit("scale", {1}, 4)},
+             {unit("a", {256, 256, 3}, 1), unit("b", {256, 256, 3}, 2),
+              unit("counts", {256, 256}, 3), unit("scale", {1}, 4)},
              {{"weight2", .5}, {"weight4", .5}, {"epsilon", .02}}});
     addCase({"ssim", "512", {unit("a", {512, 512, 3}, 1), unit("b", {512, 512, 3}, 2)}});
     addCase({"dilate3", "256", {unit("x", {1, 256, 256}, 1)}});
@@ -347,10 +343,7 @@ void addOps() {
              {{"row", 3}, {"updates", 5}, {"lr", 1e-3}},
              false,
              7.0 * 75 * 4});
-    addCase({"uniform_adam",
-             "body",
-             {{"param", {V, 3}}, {"grad", {1, V, 3}}},
-             {{"lr", .01}}});
+    addCase({"uniform_adam", "body", {{"param", {V, 3}}, {"grad", {1, V, 3}}}, {{"lr", .01}}});
     addCase({"clip_norm", "mesh_net", {{"grad", {576676}}}, {{"max_norm", 2}}});
     addCase({"select_row",
              "poses",

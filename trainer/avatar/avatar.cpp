@@ -86,8 +86,8 @@ void writeLiveAvatar(const fs::path& out, const Avatar& avatar) {
 void claimAvatar(const fs::path& folder) {
     claimFiles(folder, kAvatarKind,
                {"avatar.toml", "body.npz", "mesh_net.safetensors", "texture_net.safetensors",
-                "refine_net.safetensors", "texels.png", "texture.png", "texture_baked.png", "preview.png",
-                "progress.png", "checkpoints", "log"});
+                "refine_net.safetensors", "texels.png", "texture.png", "texture_baked.png",
+                "preview.png", "progress.png", "checkpoints", "log"});
 }
 
 fs::path bodyFile(const std::string& body) {

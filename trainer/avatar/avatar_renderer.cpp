@@ -20,8 +20,7 @@ struct AvatarRenderer::MeshRecording {
         theta = graph.input({kThetaSize});
         trans = graph.input({3});
         Tensor beta = graph.constant(std::span<const float>(avatar.betas), {10});
-        Tensor rest =
-            graph.constant(body.restVertices(), {body.vertexCount, 3});
+        Tensor rest = graph.constant(body.restVertices(), {body.vertexCount, 3});
         LbsModel skin = lbsModel(graph, body);
         if (refined && !avatar.meshNet.empty()) {
             declareMeshNet(net, avatar, 0);

@@ -130,8 +130,8 @@ Preset presetByName(std::string_view name) {
         preset.shape.steps = 400;
         preset.texels.steps = 200;
         preset.texels.samples = 2;
-        // Real poses are off by more than the actors', and few frames may show a texel: neither is to
-        // be answered by creases and noise.
+        // Real poses are off by more than the actors', and few frames may show a texel: neither is
+        // to be answered by creases and noise.
         preset.texels.lambda = 4;
         preset.texels.smooth = 200;
         preset.texels.lrOffsets = .02;

@@ -69,8 +69,8 @@ void runDemo(const DemoOptions& options) {
     std::filesystem::path out = options.out;
     catchInterrupts();
     claimFiles(out, "demo",
-               {"capture", "avatar", "held-out", "avatar.glb", "turntable.mp4", "reenact.mp4", "contact.png",
-                "metrics.json"});
+               {"capture", "avatar", "held-out", "avatar.glb", "turntable.mp4", "reenact.mp4",
+                "contact.png", "metrics.json"});
     const FolderLock lock(out);
     Device device(options.common.deviceOptions());
     fmt::print(stderr, "demo on {}\n", device.info().name);
@@ -144,7 +144,8 @@ void runDemo(const DemoOptions& options) {
 
     std::vector<std::pair<std::string, std::optional<double>>> more{
         {"pictures_iou", byPictures.iou}, {"pictures_psnr_body", byPictures.psnrBody}};
-    for (const auto& [name, value] : byPictures.figures) more.emplace_back("pictures_" + name, value);
+    for (const auto& [name, value] : byPictures.figures)
+        more.emplace_back("pictures_" + name, value);
     std::string json =
         metricsJson(metrics,
                     {{"capture", "synthetic actor, held-out frames"},

@@ -54,9 +54,9 @@ Evaluation evaluateOne(Device& device, const std::filesystem::path& avatarFolder
 
 void printOne(const Evaluation& evaluation, const EvalOptions& options, const Measures& measures) {
     FrameMetrics mean = meanMetrics(evaluation.frames);
-    fmt::print("{} frames, poses {}\n", evaluation.frames.size(),
-               options.fitTestPoses.empty() ? "as given"
-                                            : "fitted to their " + options.fitTestPoses);
+    fmt::print(
+        "{} frames, poses {}\n", evaluation.frames.size(),
+        options.fitTestPoses.empty() ? "as given" : "fitted to their " + options.fitTestPoses);
     fmt::print("  silhouette IoU  {:.3f}\n", mean.iou);
     fmt::print("  PSNR            {:.2f} dB over the body, {:.2f} dB over the frame\n",
                mean.psnrBody, mean.psnrFrame);
@@ -144,14 +144,17 @@ void declareFlags(CommandFlags& flags, EvalOptions& o) {
     flags.frames(o.frames, "Frames to compare");
     flags.texture(o.texture);
     flags
-        ->add_flag("--fit-test-poses{masks}", o.fitTestPoses,
-                   "Fit poses and positions (not the avatar) to these frames first: to their masks, "
-                   "or with =pictures to their colours as well")
+        ->add_flag(
+            "--fit-test-poses{masks}", o.fitTestPoses,
+            "Fit poses and positions (not the avatar) to these frames first: to their masks, "
+            "or with =pictures to their colours as well")
         ->check(CLI::IsMember({"masks", "pictures"}));
     flags.scene(o.scene);
     flags.measures(o.measures);
     flags.path("--out", o.out, "Folder for results.json, results.csv and results.md");
-    flags.path("--pictures", o.pictures, "Folder for report.html: frame, render and error side by side, heads enlarged, figures");
+    flags.path(
+        "--pictures", o.pictures,
+        "Folder for report.html: frame, render and error side by side, heads enlarged, figures");
 }
 
 const Command<EvalOptions> kEval{{

@@ -12,8 +12,7 @@ BodyPoser::BodyPoser(Device& device, const BodyModel& body) : graph_(device) {
     trans_ = graph_.input({3});
     beta_ = graph_.input({10});
     LbsModel model = lbsModel(graph_, body);
-    Tensor rest =
-        graph_.constant(body.restVertices(), {body.vertexCount, 3});
+    Tensor rest = graph_.constant(body.restVertices(), {body.vertexCount, 3});
     PosedBody posed = lbs(graph_, model, rest, theta_, beta_, trans_);
     verts_ = posed.verts;
     joints_ = posed.joints;

@@ -71,7 +71,8 @@ PixelRect headRect(const BodyModel& body, const PosedMesh& posed, const Camera& 
         return static_cast<int>(std::clamp(at, 0.0, static_cast<double>(size)));
     };
     return {pixel(low[0] - kAround, camera.width), pixel(low[1] - kAround, camera.height),
-            pixel(high[0] + kAround + 1, camera.width), pixel(high[1] + kAround + 1, camera.height)};
+            pixel(high[0] + kAround + 1, camera.width),
+            pixel(high[1] + kAround + 1, camera.height)};
 }
 
 double greatestDifference(std::span<const float> a, std::span<const float> b) {
@@ -125,8 +126,8 @@ Evaluation evaluateCapture(Device& device, const Avatar& avatar, const Capture& 
         const PixelRect head =
             headRect(avatar.body, poser.pose(capture.theta[i], capture.trans[i], avatar.betas),
                      frame.camera);
-        metrics.figures = pictureFigures(
-            {w, h, render, target, drawing.rgb, drawing.mask, picture->mask, head});
+        metrics.figures =
+            pictureFigures({w, h, render, target, drawing.rgb, drawing.mask, picture->mask, head});
         if (settings.lpips) metrics.lpips = settings.lpips->distance(render, target, w, h);
         if (settings.videoFeatures) {
             realVideo.push_back(VideoFeatures::prepare(target, w, h));

@@ -154,7 +154,8 @@ FrameMetrics meanMetrics(std::span<const FrameMetrics> frames) {
     std::vector<double> counts;
     for (const FrameMetrics& f : frames)
         for (const auto& [name, value] : f.figures) {
-            auto there = std::ranges::find(mean.figures, name, &std::pair<std::string, double>::first);
+            auto there =
+                std::ranges::find(mean.figures, name, &std::pair<std::string, double>::first);
             if (there == mean.figures.end()) {
                 there = mean.figures.insert(there, {name, 0});
                 counts.push_back(0);

@@ -57,12 +57,17 @@ public:
         auto inside = [&](size_t i) { return inHead(i) && near[i] > 0; };
         all.emplace_back("psnr_head", psnr(shown));
         const std::vector<double> map = ssimMap(p_.rendered, p_.frame, w_, h_);
-        all.emplace_back("ssim_head", mean(shown, [&](size_t i) { return map[i]; }, 1));
+        all.emplace_back("ssim_head", mean(
+                                          shown, [&](size_t i) { return map[i]; }, 1));
         all.emplace_back("sharpness_head", sharpness(inside));
-        all.emplace_back("similarity_head", mean(inside, [&](size_t i) {
-                             const double a = slopeRender_[i], b = slopeFrame_[i];
-                             return (2 * a * b + kSimilarity) / (a * a + b * b + kSimilarity);
-                         }, 1));
+        all.emplace_back("similarity_head",
+                         mean(
+                             inside,
+                             [&](size_t i) {
+                                 const double a = slopeRender_[i], b = slopeFrame_[i];
+                                 return (2 * a * b + kSimilarity) / (a * a + b * b + kSimilarity);
+                             },
+                             1));
         all.emplace_back("correlation_head", correlation(inside));
         return all;
     }
@@ -99,16 +104,21 @@ private:
         return count > 0 ? sum / double(count) : empty;
     }
     double psnr(const Pixels& pixels) const {
-        return psnrOf(mean(pixels, [&](size_t i) {
-            double sum = 0;
-            for (size_t c = 3 * i; c < 3 * i + 3; ++c)
-                sum += std::pow(double{p_.rendered[c]} - double{p_.frame[c]}, 2);
-            return sum / 3;
-        }, 0));
+        return psnrOf(mean(
+            pixels,
+            [&](size_t i) {
+                double sum = 0;
+                for (size_t c = 3 * i; c < 3 * i + 3; ++c)
+                    sum += std::pow(double{p_.rendered[c]} - double{p_.frame[c]}, 2);
+                return sum / 3;
+            },
+            0));
     }
     double sharpness(const Pixels& pixels) const {
-        const double own = mean(pixels, [&](size_t i) { return slopeRender_[i]; }, 0);
-        const double theirs = mean(pixels, [&](size_t i) { return slopeFrame_[i]; }, 0);
+        const double own = mean(
+            pixels, [&](size_t i) { return slopeRender_[i]; }, 0);
+        const double theirs = mean(
+            pixels, [&](size_t i) { return slopeFrame_[i]; }, 0);
         return theirs > 0 ? own / theirs : 1;
     }
     std::vector<uint8_t> eroded(int radius) const {
@@ -154,8 +164,8 @@ private:
         for (size_t i = 0; i < size_; ++i)
             for (size_t c = 3 * i; c < 3 * i + 3; ++c) {
                 const double rest = 1 - p_.coverage[i] / 255.0;
-                render.data[c] = uint8_t(std::lround(
-                    255 * std::clamp(double{p_.person[c]} + rest, 0.0, 1.0)));
+                render.data[c] =
+                    uint8_t(std::lround(255 * std::clamp(double{p_.person[c]} + rest, 0.0, 1.0)));
                 const double own = inMask_[i] ? double{p_.frame[c]} : 1;
                 frame.data[c] = uint8_t(std::lround(255 * own));
             }

@@ -25,11 +25,16 @@ Image part(const Image& image, const PixelRect& rect) {
 std::string escaped(std::string_view text) {
     std::string result;
     for (char c : text) {
-        if (c == '&') result += "&amp;";
-        else if (c == '<') result += "&lt;";
-        else if (c == '>') result += "&gt;";
-        else if (c == '"') result += "&quot;";
-        else result += c;
+        if (c == '&')
+            result += "&amp;";
+        else if (c == '<')
+            result += "&lt;";
+        else if (c == '>')
+            result += "&gt;";
+        else if (c == '"')
+            result += "&quot;";
+        else
+            result += c;
     }
     return result;
 }
@@ -91,11 +96,13 @@ void writeReport(const std::filesystem::path& folder, const std::string& title,
         html += fmt::format("<tr><th>{}<td>{:.3f}\n", escaped(name), value);
     html += "</table>\n";
     for (const FrameMetrics& frame : frames) {
-        html += fmt::format("<h2>{}</h2>\n<p>frame, render, four times the error; the head in both, "
-                            "enlarged</p>\n<p><img src=\"{}.png\" alt=\"\">",
-                            escaped(frame.name), address(frame.name));
+        html += fmt::format(
+            "<h2>{}</h2>\n<p>frame, render, four times the error; the head in both, "
+            "enlarged</p>\n<p><img src=\"{}.png\" alt=\"\">",
+            escaped(frame.name), address(frame.name));
         if (std::filesystem::exists(folder / (frame.name + kHeadSuffix + ".png")))
-            html += fmt::format("<img src=\"{}{}.png\" alt=\"\">", address(frame.name), kHeadSuffix);
+            html +=
+                fmt::format("<img src=\"{}{}.png\" alt=\"\">", address(frame.name), kHeadSuffix);
         html += "</p>\n<p>";
         for (const auto& [name, value] : rowOf(frame))
             html += fmt::format("{} {:.3f} · ", escaped(name), value);

@@ -27,8 +27,8 @@ public:
         verts_ = graph_.input({body.vertexCount, 3});
         camera_ = graph_.input(kCameraShape);
         RasterMesh mesh = rasterMesh(graph_, body.faces, body.vertexCount);
-        seen_ = visibilityBuffer(graph_, mesh, verts_, camera_, height_ * samples_,
-                                 width_ * samples_);
+        seen_ =
+            visibilityBuffer(graph_, mesh, verts_, camera_, height_ * samples_, width_ * samples_);
         graph_.output(seen_.surface);
         graph_.compile();
     }
@@ -46,7 +46,8 @@ public:
     double at(double u, double v) const {
         const auto x = static_cast<int64_t>(u * samples_), y = static_cast<int64_t>(v * samples_);
         if (u < 0 || v < 0 || x >= width_ * samples_ || y >= height_ * samples_) return 0;
-        return static_cast<double>(surface_[static_cast<size_t>(4 * (y * width_ * samples_ + x)) + 3]);
+        return static_cast<double>(
+            surface_[static_cast<size_t>(4 * (y * width_ * samples_ + x)) + 3]);
     }
 
 private:
@@ -104,8 +105,8 @@ std::vector<float> backProject(Device& device, const BodyModel& body, const Capt
             const double seen = depths->at(u, v);
             if (seen == 0 || x[2] > seen + kHidden) continue;
             const int column = static_cast<int>(u), row = static_cast<int>(v);
-            const double weight = double{facing[i]} *
-                                  double{counts[static_cast<size_t>(row * w + column)]};
+            const double weight =
+                double{facing[i]} * double{counts[static_cast<size_t>(row * w + column)]};
             if (!(weight > 0)) continue;
             // Bilinear, clamped at the border.
             const double s = std::clamp(u - .5, 0.0, w - 1.0), t = std::clamp(v - .5, 0.0, h - 1.0);

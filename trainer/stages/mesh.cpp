@@ -16,8 +16,8 @@ void trainMesh(Device& device, TrainResult& result, const TrainSettings& setting
     const Capture& capture = result.capture;
     const MeshPreset& preset = avatar.preset.mesh;
     FrameCache cache(capture);
-    const bool coloured = preset.loss == SilhouetteLoss::Edges && preset.colour > 0 &&
-                          !avatar.texels.empty();
+    const bool coloured =
+        preset.loss == SilhouetteLoss::Edges && preset.colour > 0 && !avatar.texels.empty();
     std::optional<BackgroundPlate> plate;
     if (coloured) plate.emplace(capture, cache);
     TrainingFrames frames(device, avatar.body, capture, cache, preset.size, coloured, 1,

@@ -80,8 +80,8 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
         return drawn;
     };
     loop.submit = [&](int64_t i, const std::vector<size_t>& drawn) {
-        const double done = static_cast<double>(i) /
-                            static_cast<double>(std::max<int64_t>(1, loop.steps - 1));
+        const double done =
+            static_cast<double>(i) / static_cast<double>(std::max<int64_t>(1, loop.steps - 1));
         const auto rate = static_cast<float>(std::pow(preset.decay, done));
         for (size_t k = 0; k < drawn.size(); ++k) {
             const SurfaceStep::Sample& sample = step.samples[k];
@@ -101,8 +101,7 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
             step.graph.write(sample.image, frames.image(frame));
             step.graph.write(sample.background, frames.background(frame));
         }
-        step.graph.setStep(
-            adamwStepParams(static_cast<uint32_t>(i + 1), rate, kSurfaceOptimiser));
+        step.graph.setStep(adamwStepParams(static_cast<uint32_t>(i + 1), rate, kSurfaceOptimiser));
         step.graph.submit();
         frames.prepare(sampler.peek(preset.batch));  // meanwhile
     };
