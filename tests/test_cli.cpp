@@ -22,6 +22,7 @@
 #include "trainer/commands/render.h"
 #include "trainer/commands/train.h"
 #include "trainer/data/progress.h"
+#include "trainer/motion/synthetic.h"
 
 namespace doppel {
 namespace {
@@ -165,7 +166,9 @@ TEST(CommandLine, FillsOptions) {
     EXPECT_EQ(run({"demo"}).demo.preset.name, "ci");
     EXPECT_EQ(run({"demo"}).demo.out, "out/demo");
     EXPECT_EQ(run({"demo"}).demo.actor, "woman");
-    EXPECT_EQ(run({"demo", "--actor", "man"}).demo.actor, "man");
+    for (const std::string& actor : actorNames(assetFolder() / "actor"))
+        EXPECT_EQ(run({"demo", "--actor", actor}).demo.actor, actor);
+    EXPECT_NE(run({"demo", "--actor", "nobody"}).err.find("nobody not in {"), std::string::npos);
     EXPECT_EQ(run({"render", "a", "--motion", "m", "--out", "x.mp4", "--background", "#00ff7F"})
                   .render.background,
               "#00ff7F");

@@ -194,8 +194,8 @@ namespace {
 void declareFlags(CommandFlags& flags, DemoOptions& o) {
     flags.precision();
     flags.path("--out", o.out, "Folder to write")->capture_default_str();
-    flags->add_option("--actor", o.actor, "woman or man")
-        ->check(CLI::IsMember({"woman", "man"}))
+    flags->add_option("--actor", o.actor, "Who is recorded")
+        ->check(CLI::IsMember(actorNames(assetFolder() / "actor")))
         ->capture_default_str();
     flags.preset("ci");
 }

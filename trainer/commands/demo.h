@@ -12,7 +12,7 @@ namespace doppel {
 struct DemoOptions {
     CommonOptions common;
     std::filesystem::path out = "out/demo";
-    std::string actor = "woman";  // of assets/actor: woman, man
+    std::string actor = "woman";  // one of actorNames() of assets/actor
     Preset preset;
 };
 

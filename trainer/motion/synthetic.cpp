@@ -1,5 +1,6 @@
 #include "trainer/motion/synthetic.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <future>
@@ -63,6 +64,19 @@ Camera syntheticCamera(int size) {
     // A person of 1.8 m with raised arms fills most of the picture at kActorDistance.
     double f = 1.45 * size;
     return {f, f, size / 2.0, size / 2.0, size, size};
+}
+
+std::vector<std::string> actorNames(const std::filesystem::path& folder) {
+    std::vector<std::string> names;
+    std::error_code ignored;
+    for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
+        std::filesystem::path picture = entry.path();
+        if (picture.extension() == ".npz" &&
+            std::filesystem::exists(picture.replace_extension(".png"), ignored))
+            names.push_back(picture.stem().string());
+    }
+    std::sort(names.begin(), names.end());
+    return names;
 }
 
 Actor readActor(const std::filesystem::path& folder, const std::string& name) {

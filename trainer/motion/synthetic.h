@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 #include <vector>
 
 #include "engine/device.h"
@@ -17,6 +18,8 @@ struct Actor {
     std::vector<float> texture;  // [size,size,3] sRGB-encoded in [0,1]
     int textureSize = 0;
 };
+// Whom readActor() finds in the folder, sorted; nobody where there is no such folder.
+std::vector<std::string> actorNames(const std::filesystem::path& folder);
 // From FOLDER/NAME.npz and NAME.png.
 Actor readActor(const std::filesystem::path& folder, const std::string& name);
 
