@@ -111,6 +111,9 @@ TEST(Body, RefusesWhatIsWrong) {
     refuse("kintree_table", ints("kintree_table", 0, 3), "joint 0 has the parent 3; expected -1");
     refuse("kintree_table", ints("kintree_table", 30, 7), "kintree_table: row 1 has 7 at place 6");
     refuse("posedirs", zeros({8, 3, 93}), "posedirs: expected shape");
+    refuse("offsets", zeros({7, 3}), "offsets: expected shape [8, 3]");
+    refuse("offsets", floats(zeros({8, 3}), [](auto& v) { v[4] = NAN; }), "offsets: element 4 is");
+    refuse("offsets", floats(zeros({8, 3}), [](auto& v) { v[4] = -11; }), "an offset of -11");
     refuse("part", Array::i32({8}, std::vector<int32_t>(8, 15)), "part: element 0 is 15");
     refuse("face_mask", Array::i32({7}, std::vector<int32_t>(7, 1)), "face_mask: expected shape");
     refuse("sole_mask", Array::i32({8}, std::vector<int32_t>(8, 2)), "sole_mask: element 0 is 2");

@@ -151,6 +151,11 @@ TEST(CommandLine, FillsOptions) {
     EXPECT_EQ(ablation.stages,
               (std::vector<std::string>{"fit", "shape", "texels", "mesh", "texture"}));
     EXPECT_FALSE(ablation.gan || ablation.face || ablation.clamp);
+    const Outcome out = run({"train", "c", "--out", "a", "--preset", "paper", "--stages", "shape"});
+    EXPECT_EQ(out.status, 2);
+    EXPECT_NE(out.err.find("--stages: preset paper leaves shape out; --set shape.steps=200"),
+              std::string::npos)
+        << out.err;
     const Outcome nothing = run({"train", "c", "--out", "a", "--stages", "refine", "--no-refine"});
     EXPECT_EQ(nothing.status, 2);
     EXPECT_NE(nothing.err.find("--no-refine: stage refine is all"), std::string::npos);

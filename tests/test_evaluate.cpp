@@ -107,7 +107,7 @@ TEST_F(Evaluate, AReportShowsEveryFrame) {
     for (const Frame& frame : capture_.frames) {
         EXPECT_NE(html.find(frame.name + ".png"), std::string::npos);
         EXPECT_TRUE(fs::exists(out / (frame.name + ".png")));
-        const ImageSize head = imageSize(out / (frame.name + "_head.png"));
+        const ImageSize head = imageSize(out / "heads" / (frame.name + ".png"));
         EXPECT_GT(head.width, 2 * 4 * 5);
         EXPECT_EQ(head.height % 4, 0);
     }
@@ -128,8 +128,8 @@ TEST_F(Evaluate, PicturesFindPoses) {
         return meanMetrics(evaluateCapture(testDevice(), avatar, capture).frames).psnrBody;
     };
     Capture outlines = lost, colours = lost;
-    fitPosesToPictures(testDevice(), avatar, outlines, false, {});
-    fitPosesToPictures(testDevice(), avatar, colours, true, {});
+    fitTestPoses(testDevice(), avatar, outlines, TestPoses::Masks, 1);
+    fitTestPoses(testDevice(), avatar, colours, TestPoses::Pictures, 1);
     const double before = psnr(lost), byOutlines = psnr(outlines), byColours = psnr(colours);
     EXPECT_GT(byOutlines, before + 1);
     EXPECT_GT(byColours, byOutlines + .5);

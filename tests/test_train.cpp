@@ -8,6 +8,7 @@
 #include <fstream>
 #include <numeric>
 
+#include "engine/io/image.h"
 #include "tests/files.h"
 #include "tests/op_test.h"
 #include "trainer/avatar/checkpoint.h"
@@ -387,6 +388,60 @@ TEST_F(Resume, StagesThatAreNotTrainedKeepTheirNetworksAndNumbers) {
               bytesOf(whole() / "mesh_net.safetensors"));
     EXPECT_EQ(readAvatar(options.out).preset.texture.width, 8);
     EXPECT_NE(readAvatar(options.out).betas, avatar.betas);
+}
+
+// Texels that are trained again take what was painted over the old ones with them.
+TEST_F(Resume, NewTexelsEndTheTextureThatWasPaintedOverTheOldOnes) {
+    TrainOptions options = restlessOptions(capture(), folder_->path() / "texels");
+    fs::copy(whole(), options.out, fs::copy_options::recursive);
+    options.stages = {"texels"};
+    options.restart = true;
+    runTrain(options);
+    const Avatar avatar = readAvatar(options.out);
+    EXPECT_FALSE(avatar.texels.empty());
+    EXPECT_EQ(avatar.texture, avatar.texels);
+    EXPECT_TRUE(avatar.textureNet.empty());
+    EXPECT_TRUE(avatar.refineNet.empty());
+    EXPECT_FALSE(avatar.meshNet.empty());
+    EXPECT_FALSE(avatar.trained.contains("texture"));
+    AvatarRenderer renderer(testDevice(), avatar);
+
+    // They have the texture's size, whichever stage is asked for.
+    options.restart = false;
+    options.preset.texture.textureSize = 32;
+    options.preset.texture.depth = 5;
+    expectInputError([&] { runTrain(options); }, "texels.textureSize = 64, and this run has 32");
+    options.stages = {"texture"};
+    options.restart = true;
+    expectInputError([&] { runTrain(options); },
+                     "texture.textureSize: expected 64, as the avatar's texels have, found 32");
+}
+
+// Frames of two sizes, and one that shows nobody.
+TEST(Train, TakesFramesOfSeveralSizesAndEmptyOnes) {
+    test::Folder folder;
+    Capture capture = tinyCapture(folder.path() / "capture");
+    const fs::path pictures = folder.path() / "capture";
+    for (const char* kind : {"images", "masks"}) {
+        const fs::path path = pictures / kind / (capture.frames[1].name + ".png");
+        writeImage(path,
+                   resize(readImage(path, std::string_view(kind) == "masks" ? 1 : 3), 96, 96));
+    }
+    writeImage(pictures / "masks" / (capture.frames[2].name + ".png"), Image(128, 128, 1));
+    Camera& camera = capture.frames[1].camera;
+    camera = {.75 * camera.fx, .75 * camera.fy, .75 * camera.cx, .75 * camera.cy, 96, 96};
+
+    Avatar avatar;
+    avatar.bodyArrays = readBodyArrays("default");
+    avatar.body = bodyFromNpz(avatar.bodyArrays);
+    avatar.preset = tinyPreset();
+    TrainSettings settings;
+    settings.out = folder.path() / "a";
+    settings.pictureSeconds = 0;
+    settings.stages = {"fit", "shape", "texels", "mesh"};
+    const TrainResult result = trainAvatar(testDevice(), avatar, capture, settings);
+    // The empty frame has moved nobody.
+    for (float x : result.avatar.body.offsets) EXPECT_LT(std::abs(x), .1f);
 }
 
 TEST_F(Resume, SaysWhatIsWrongWithTrainingState) {

@@ -35,8 +35,9 @@ TEST(TrainingFrames, AreTheSameCompressedAndPrepared) {
                                   folder / "capture", options);
     BodyModel body = bodyFromNpz(readBodyArrays("default"));
     FrameCache cache(capture);
-    TrainingFrames raw(testDevice(), body, capture, cache, 64, true);
-    TrainingFrames packed(testDevice(), body, capture, cache, 64, true, 1, 1000);
+    TrainingFrames raw(testDevice(), body, capture, cache, 64, {.colours = true});
+    TrainingFrames packed(testDevice(), body, capture, cache, 64,
+                          {.colours = true, .memoryBudget = 1000});
     EXPECT_FALSE(raw.compressed());
     EXPECT_EQ(raw.bytesKept(), capture.size() * 64 * 64 * 4);
     EXPECT_TRUE(packed.compressed());
@@ -51,7 +52,8 @@ TEST(TrainingFrames, AreTheSameCompressedAndPrepared) {
     }
 }
 
-// With a plate a small frame is cut at its own pixels, and what is behind the person is there.
+// Where edges are compared a small frame is cut at its own pixels, and what is behind the person is
+// there.
 TEST(TrainingFrames, KeepTheFramesOwnPixels) {
     Actor actor = readActor(assetFolder() / "actor", "woman");
     SyntheticOptions options;
@@ -62,9 +64,10 @@ TEST(TrainingFrames, KeepTheFramesOwnPixels) {
                                   folder / "capture", options);
     BodyModel body = bodyFromNpz(readBodyArrays("default"));
     FrameCache cache(capture);
-    const BackgroundPlate plate(capture, cache);
+    const BackgroundPlates scene(capture, cache);
     constexpr int kSide = 128;  // the body's box fits
-    TrainingFrames frames(testDevice(), body, capture, cache, kSide, true, 1, 0, &plate);
+    TrainingFrames frames(testDevice(), body, capture, cache, kSide,
+                          {.colours = true, .edges = true, .scene = &scene});
     for (size_t i = 0; i < capture.size(); ++i) {
         const auto picture = cache.load(i);
         const std::vector<float> image = frames.image(i), inside = frames.inside(i);

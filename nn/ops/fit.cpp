@@ -36,6 +36,13 @@ static const Op kSelectRow{{
         },
 }};
 
+std::vector<float> correctedPoses(std::vector<float> start, const std::vector<float>& corrections,
+                                  float transScale) {
+    for (size_t i = 0; i < start.size(); ++i)
+        start[i] += i % kPoseRow < kThetaSize ? corrections[i] : transScale * corrections[i];
+    return start;
+}
+
 Pose poseCorrection(Graph& graph, const Tensor& start, const Tensor& correction, float transScale) {
     Pose pose{graph.temporary({kThetaSize}), graph.temporary({3})};
     PoseCorrectionParams params{transScale};

@@ -20,6 +20,9 @@ struct Pose {
     Tensor theta, trans;
 };
 Pose poseCorrection(Graph& graph, const Tensor& start, const Tensor& correction, float transScale);
+// The same on the host, for all rows of a table [rows,75].
+std::vector<float> correctedPoses(std::vector<float> start, const std::vector<float>& corrections,
+                                  float transScale);
 
 // loss = Σ stay_i c_i² + smooth Σ (c_i - (before_i + after_i) / 2)² + shape Σ β_k²
 // with stay = pose · jointWeight for rotations and trans for the translation: the corrected pose

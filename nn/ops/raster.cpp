@@ -5,6 +5,7 @@
 
 #include "engine/files/numbers.h"
 #include "nn/core/op.h"
+#include "nn/ops/raster_call.h"
 
 namespace doppel {
 
@@ -390,32 +391,6 @@ Tensor visibilityMap(Graph& graph, const RasterMesh& mesh, const Tensor& verts,
 // ---- declarations -------------------------------------------------------------------------------
 
 namespace {
-
-// attr_NAME as a picture's side.
-int64_t side(OpCall& c, std::string_view name, int64_t most) {
-    uint32_t value = c.u(name);
-    if (value == 0 || value > most)
-        throwInput("attr_{}: expected pixels from 1 to {}, found {}", name, most, value);
-    return value;
-}
-
-float positive(OpCall& c, std::string_view name) {
-    double value = c.attribute(name);
-    if (!(value > 0)) throwInput("attr_{}: expected a positive number, found {}", name, value);
-    return c.f(name);
-}
-
-Tensor cameraOf(OpCall& c, float sigma, float blurRadius, float scale = 1) {
-    RasterCamera camera{scale * positive(c, "fx"),
-                        scale * positive(c, "fy"),
-                        scale * c.f("cx"),
-                        scale * c.f("cy"),
-                        sigma,
-                        blurRadius,
-                        0,
-                        0};
-    return c.graph.constant(std::span<const float>(cameraValues(camera)), kCameraShape);
-}
 
 constexpr int64_t kMostPixels = 8192;
 

@@ -1,6 +1,7 @@
 #include "nn/ops/surface.h"
 
 #include "nn/core/op.h"
+#include "nn/ops/raster_call.h"
 
 namespace doppel {
 
@@ -87,26 +88,20 @@ SurfaceRender surfaceRender(Graph& graph, const RasterMesh& mesh, const Tensor& 
         Tensor large = graph.temporary({1 + mesh.faces}, ElementType::I32);
         Tensor dCorners = graph.temporary({mesh.corners.dim(0), 3});
         graph.fill(large.slice(0, 1));
-        graph.dispatch("raster/surface_gradient.small",
-                       {{"faces", mesh.faceVertices},
-                        {"screen", screen},
-                        {"camera", camera},
-                        {"index", seen.faceIndex},
-                        {"surface", seen.surface},
-                        {"force", force},
-                        {"large", large},
-                        {"dCorners", dCorners}},
-                       gradient, gradient.faces);
-        graph.dispatchGroups("raster/surface_gradient.large",
-                             {{"faces", mesh.faceVertices},
-                              {"screen", screen},
-                              {"camera", camera},
-                              {"index", seen.faceIndex},
-                              {"surface", seen.surface},
-                              {"force", force},
-                              {"large", large},
-                              {"dCorners", dCorners}},
-                             gradient, kLargeGroups);
+        auto overFaces = [&](const char* kernel, Groups groups, uint64_t invocations) {
+            graph.dispatchGroups(kernel,
+                                 {{"faces", mesh.faceVertices},
+                                  {"screen", screen},
+                                  {"camera", camera},
+                                  {"index", seen.faceIndex},
+                                  {"surface", seen.surface},
+                                  {"force", force},
+                                  {"large", large},
+                                  {"dCorners", dCorners}},
+                                 gradient, groups, {}, invocations);
+        };
+        overFaces("raster/surface_gradient.small", {0, 0, 0}, gradient.faces);
+        overFaces("raster/surface_gradient.large", kLargeGroups, 0);
         graph.dispatch("raster/surface_gradient.gather",
                        {{"cornerStart", mesh.cornerStart},
                         {"corners", mesh.corners},
@@ -116,17 +111,6 @@ SurfaceRender surfaceRender(Graph& graph, const RasterMesh& mesh, const Tensor& 
     });
     return result;
 }
-
-namespace {
-
-int64_t side(OpCall& c, std::string_view name, int64_t most) {
-    const uint32_t value = c.u(name);
-    if (value == 0 || value > most)
-        throwInput("attr_{}: expected pixels from 1 to {}, found {}", name, most, value);
-    return value;
-}
-
-}  // namespace
 
 static const Op kSurfaceRender{{
     .name = "surface_render",
@@ -138,17 +122,7 @@ static const Op kSurfaceRender{{
     .build =
         [](OpCall& c) {
             const int64_t samples = side(c, "samples", 16);
-            const auto scale = static_cast<float>(samples);
-            const RasterCamera camera{scale * c.f("fx"),
-                                      scale * c.f("fy"),
-                                      scale * c.f("cx"),
-                                      scale * c.f("cy"),
-                                      1,
-                                      0,
-                                      0,
-                                      0};
-            Tensor cameraTensor =
-                c.graph.constant(std::span<const float>(cameraValues(camera)), kCameraShape);
+            Tensor camera = cameraOf(c, 1, 0, static_cast<float>(samples));
             RasterMesh mesh = rasterMesh(c.graph, c.ints("faces"), c["verts"].dim(0));
             const bool coloured = static_cast<bool>(c["texture"]);
             SurfaceLook look;
@@ -159,7 +133,7 @@ static const Op kSurfaceRender{{
                         c["background"]};
             }
             SurfaceRender drawn =
-                surfaceRender(c.graph, mesh, c["verts"], cameraTensor, coloured ? &look : nullptr,
+                surfaceRender(c.graph, mesh, c["verts"], camera, coloured ? &look : nullptr,
                               side(c, "height", 8192 / samples), side(c, "width", 8192 / samples),
                               {.samples = samples,
                                .edgeJump = c.f("edge_jump"),

@@ -91,11 +91,8 @@ FitStep::FitStep(Device& device, const BodyModel& body, FitStart start, const Fi
 }
 
 std::vector<float> FitStep::poses() const {
-    std::vector<float> poses = start_.poses;
-    std::vector<float> rows = corrections.read(*corrections.find("correction"));
-    for (size_t i = 0; i < poses.size(); ++i)
-        poses[i] += i % kPoseRow < kThetaSize ? rows[i] : kTransScale * rows[i];
-    return poses;
+    return correctedPoses(start_.poses, corrections.read(*corrections.find("correction")),
+                          kTransScale);
 }
 
 std::array<float, 10> FitStep::betas() const {

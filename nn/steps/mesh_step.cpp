@@ -61,15 +61,13 @@ MeshStep::MeshStep(Device& device, const BodyModel& body, const std::array<float
     Tensor beta = graph.constant(std::span<const float>(betas), {10});
     RasterMesh faces = rasterMesh(graph, body.faces, body.vertexCount);
     const int64_t size = preset.size;
-    Tensor everywhere, alike;
-    if (preset.loss == SilhouetteLoss::Edges)
-        everywhere = graph.constant(std::vector<float>(static_cast<size_t>(size * size), 1.0f),
-                                    {size, size});
+    Tensor alike;
+    const bool edges = preset.loss == SilhouetteLoss::Edges;
     const bool bounded = preset.stay > 0 || preset.smooth > 0;
     if (bounded)
         alike = graph.constant(std::vector<float>(static_cast<size_t>(body.vertexCount), 1.0f),
                                {body.vertexCount});
-    const bool coloured = everywhere && preset.colour > 0 && !texels.empty();
+    const bool coloured = edges && preset.colour > 0 && !texels.empty();
     SurfaceLook look;
     if (coloured) {
         const auto side = static_cast<int64_t>(std::lround(std::sqrt(texels.size() / 3)));
@@ -88,12 +86,13 @@ MeshStep::MeshStep(Device& device, const BodyModel& body, const std::array<float
         Tensor verts = network.refine(skin, rest, beta, sample.theta, sample.trans);
         Tensor mask = preset.dilateMask ? dilate3(graph, sample.target) : sample.target;
         // L_m = L_s + λ_gl L_gl + λ_gn L_gn
-        if (preset.loss == SilhouetteLoss::Soft) {
+        if (!edges) {
             Tensor silhouette =
                 softSilhouette(graph, faces, verts, sample.camera, preset.size, preset.size);
             losses.term("iou_loss", preset.silhouette, silhouetteIouLoss(graph, silhouette, mask));
         } else {
             sample.scale = graph.input({1});
+            sample.counts = graph.input({size, size});
             if (coloured) {
                 sample.image = graph.input({size, size, 3});
                 sample.background = graph.input({size, size, 3});
@@ -102,12 +101,13 @@ MeshStep::MeshStep(Device& device, const BodyModel& body, const std::array<float
             SurfaceRender drawn = surfaceRender(graph, faces, verts, sample.camera,
                                                 coloured ? &look : nullptr, size, size);
             losses.term("edges", preset.silhouette,
-                        pyramidLoss(graph, drawn.alpha, mask, everywhere, sample.scale,
+                        pyramidLoss(graph, drawn.alpha, mask, sample.counts, sample.scale,
                                     {.cell1 = 2, .cell2 = 1, .cell4 = .5f, .cell8 = .25f}));
             if (coloured)  // the mean of the channels
-                losses.term("colour", preset.colour / 3,
-                            pyramidLoss(graph, drawn.image, sample.image, everywhere, sample.scale,
-                                        {.cell1 = 1, .cell2 = .5f, .cell4 = .5f}, kRobust));
+                losses.term(
+                    "colour", preset.colour / 3,
+                    pyramidLoss(graph, drawn.image, sample.image, sample.counts, sample.scale,
+                                {.cell1 = 1, .cell2 = .5f, .cell4 = .5f}, kRobust));
         }
         if (bounded) {
             Tensor posed = lbs(graph, skin, rest, sample.theta, beta, sample.trans).verts;
@@ -116,8 +116,10 @@ MeshStep::MeshStep(Device& device, const BodyModel& body, const std::array<float
                                       alike, network.mesh, static_cast<float>(preset.stay),
                                       static_cast<float>(preset.smooth)));
         }
-        losses.term("laplacian", preset.laplacian, laplacianLoss(graph, verts, network.mesh));
-        losses.term("normal", preset.normal, normalConsistencyLoss(graph, verts, network.mesh));
+        if (preset.laplacian > 0)
+            losses.term("laplacian", preset.laplacian, laplacianLoss(graph, verts, network.mesh));
+        if (preset.normal > 0)
+            losses.term("normal", preset.normal, normalConsistencyLoss(graph, verts, network.mesh));
         samples.push_back(sample);
     }
     graph.backward(losses.sum());

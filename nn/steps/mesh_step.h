@@ -4,8 +4,8 @@
 //     L_m = λ_gl L_gl + λ_gn L_gn + L_s
 //
 // A body that has a surface of its own (nn/steps/surface_step.h) should not be smoothed by L_gl and
-// L_gn, which the presets of such bodies set to zero: there it is the network's offsets from the posed
-// body that stay small and smooth, and colours may move them as well.
+// L_gn, which the presets of such bodies set to zero: there it is the network's offsets from the
+// posed body that stay small and smooth, and colours may move them as well.
 #pragma once
 
 #include <array>
@@ -27,31 +27,32 @@ CHOICE_WORDS(ClampBounds, Paper, Program, None)
 CHOICES(SilhouetteLoss, Soft, Edges)
 
 // Stage 1: the mesh refinement network G_m.
-#define MESH_NUMBERS(NUMBER, FLAG, CHOICE)                                                      \
-    NUMBER(int, size, 256, 16, 4096, "side of the crops, pixels")                               \
-    NUMBER(int, blocks, 3, 1, 16, "blocks of G_m")                                              \
-    NUMBER(int, layers, 6, 1, 64, "graph convolutions per block")                               \
-    NUMBER(int, hidden, 128, 4, 1024, "features per vertex")                                    \
-    NUMBER(double, deviation, .01, 0, 1, "standard deviation of the first weights")             \
-    NUMBER(int, batch, 4, 1, 256, "frames of a step")                                           \
-    NUMBER(int, epochs, 20, 0, kNoLimit, "times that all frames are taken, where steps is 0")   \
-    NUMBER(int, steps, 0, 0, kNoLimit, "steps, whatever the number of frames; 0: go by epochs") \
-    NUMBER(double, lr, 1e-4, 0, 10, "learning rate")                                            \
-    ADAMW_NUMBERS(NUMBER)                                                                       \
-    NUMBER(double, sigma, 1e-5, 1e-9, 1,                                                        \
-           "softness of the silhouette's rim, squared NDC; program: 1e-4 at the same radius")   \
-    NUMBER(double, blurRadius, 9.21024e-5, 0, 1,                                                \
-           "how far a face is felt, squared NDC: ln(1/1e-4 - 1) sigma")                         \
-    NUMBER(double, laplacian, 1, 0, kNoLimit, "λ_gl, weight of the Laplacian smoothing L_gl")   \
-    NUMBER(double, normal, .5, 0, kNoLimit, "λ_gn, weight of the normal consistency L_gn")      \
-    NUMBER(double, silhouette, 1, 0, kNoLimit, "weight of the silhouettes' loss L_s")           \
-    NUMBER(double, gradientClip, 0, 0, kNoLimit, "largest gradient norm, 0: none; program: 2")  \
-    FLAG(dilateMask, false, "the mask grows by a pixel before the loss; program: true")         \
-    FLAG(balanceHeadings, false, "frames are drawn evenly over 8 body headings; program: true") \
-    CHOICE(SilhouetteLoss, loss, Soft, "L_s: the soft silhouette's IoU, or edges, without its bias") \
+#define MESH_NUMBERS(NUMBER, FLAG, CHOICE)                                                        \
+    NUMBER(int, size, 256, 16, 4096, "side of the crops, pixels")                                 \
+    NUMBER(int, blocks, 3, 1, 16, "blocks of G_m")                                                \
+    NUMBER(int, layers, 6, 1, 64, "graph convolutions per block")                                 \
+    NUMBER(int, hidden, 128, 4, 1024, "features per vertex")                                      \
+    NUMBER(double, deviation, .01, 0, 1, "standard deviation of the first weights")               \
+    NUMBER(int, batch, 4, 1, 256, "frames of a step")                                             \
+    NUMBER(int, epochs, 20, 0, kNoLimit, "times that all frames are taken, where steps is 0")     \
+    NUMBER(int, steps, 0, 0, kNoLimit, "steps, whatever the number of frames; 0: go by epochs")   \
+    NUMBER(double, lr, 1e-4, 0, 10, "learning rate")                                              \
+    ADAMW_NUMBERS(NUMBER)                                                                         \
+    NUMBER(double, sigma, 1e-5, 1e-9, 1,                                                          \
+           "softness of the silhouette's rim, squared NDC; program: 1e-4 at the same radius")     \
+    NUMBER(double, blurRadius, 9.21024e-5, 0, 1,                                                  \
+           "how far a face is felt, squared NDC: ln(1/1e-4 - 1) sigma")                           \
+    NUMBER(double, laplacian, 1, 0, kNoLimit, "λ_gl, weight of the Laplacian smoothing L_gl")     \
+    NUMBER(double, normal, .5, 0, kNoLimit, "λ_gn, weight of the normal consistency L_gn")        \
+    NUMBER(double, silhouette, 1, 0, kNoLimit, "weight of the silhouettes' loss L_s")             \
+    NUMBER(double, gradientClip, 0, 0, kNoLimit, "largest gradient norm, 0: none; program: 2")    \
+    FLAG(dilateMask, false, "the mask grows by a pixel before the loss; program: true")           \
+    FLAG(balanceHeadings, false, "frames are drawn evenly over 8 body headings; program: true")   \
+    CHOICE(SilhouetteLoss, loss, Soft,                                                            \
+           "L_s: the soft silhouette's IoU, or edges, without its bias")                          \
     NUMBER(double, colour, 0, 0, kNoLimit, "weight of the colours' loss, where there are texels") \
-    NUMBER(double, stay, 0, 0, kNoLimit, "weight of small offsets from the posed body")        \
-    NUMBER(double, smooth, 0, 0, kNoLimit, "weight of smooth offsets from it")                  \
+    NUMBER(double, stay, 0, 0, kNoLimit, "weight of small offsets from the posed body")           \
+    NUMBER(double, smooth, 0, 0, kNoLimit, "weight of smooth offsets from it")                    \
     CHOICE(ClampBounds, clamps, Paper, "whose table of K(v) bounds the blocks' offsets")
 struct MeshPreset {
     NUMBERS(MESH_NUMBERS)
@@ -85,11 +86,14 @@ MeshNetwork meshNetwork(Graph& graph, const BodyModel& body, const MeshNetConfig
 struct MeshStep {
     struct Sample {
         Tensor camera, target, theta, trans;  // kCameraShape, [S,S], [72], [3]: inputs
-        Tensor scale;  // [1] one over the mask's sum; input where edges are compared, else empty
+        // Inputs where edges are compared, else empty: one over the mask's sum [1], and the part of
+        // each pixel that the frame shows [S,S].
+        Tensor scale, counts;
         Tensor image, background;  // [S,S,3] inputs where colours are compared, else empty
     };
     Graph graph;
-    Losses losses{graph};  // iou_loss or edges (L_s), colour, offsets; laplacian (L_gl), normal (L_gn)
+    Losses losses{
+        graph};  // iou_loss or edges (L_s), colour, offsets; laplacian (L_gl), normal (L_gn)
     std::vector<Sample> samples;
 
     // net: as declared by addMeshNetParameters() and allocated; outlives the step. texels

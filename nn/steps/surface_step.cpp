@@ -148,11 +148,8 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceStart sta
 }
 
 std::vector<float> SurfaceStep::poses() const {
-    std::vector<float> poses = start_.poses;
-    std::vector<float> rows = corrections.read(*corrections.find("correction"));
-    for (size_t i = 0; i < poses.size(); ++i)
-        poses[i] += i % kPoseRow < kThetaSize ? rows[i] : transScale_ * rows[i];
-    return poses;
+    return correctedPoses(start_.poses, corrections.read(*corrections.find("correction")),
+                          transScale_);
 }
 
 std::vector<float> SurfaceStep::offsetValues() const {

@@ -121,4 +121,25 @@ std::vector<float> BackgroundPlate::behind(const Picture& picture) const {
     return result;
 }
 
+BackgroundPlates::BackgroundPlates(const Capture& capture, FrameCache& frames) {
+    std::map<std::pair<int, int>, std::vector<size_t>> sizes;
+    for (size_t i = 0; i < capture.size(); ++i) {
+        const Camera& camera = capture.frames[i].camera;
+        sizes[{camera.width, camera.height}].push_back(i);
+    }
+    for (const auto& [size, members] : sizes) {
+        if (sizes.size() == 1) {
+            bySize_.emplace(size, BackgroundPlate(capture, frames));
+            continue;
+        }
+        const Capture part = capture.subset(members);
+        FrameCache cache(part);
+        bySize_.emplace(size, BackgroundPlate(part, cache));
+    }
+}
+
+std::vector<float> BackgroundPlates::behind(const Picture& picture) const {
+    return bySize_.at({picture.width, picture.height}).behind(picture);
+}
+
 }  // namespace doppel

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
+#include <utility>
 #include <vector>
 
 #include "trainer/data/capture.h"
@@ -27,12 +29,22 @@ private:
     std::vector<float> plate_;
 };
 
+// A plate for each size of frame that a capture has, as of several cameras.
+class BackgroundPlates {
+public:
+    BackgroundPlates(const Capture& capture, FrameCache& frames);
+    std::vector<float> behind(const Picture& picture) const;
+
+private:
+    std::map<std::pair<int, int>, BackgroundPlate> bySize_;  // width, height
+};
+
 // result = rgb + (1 - mask / 255) * background: rgb is already weighted by coverage.
 std::vector<float> composite(const std::vector<float>& rgb, const std::vector<uint8_t>& mask,
                              const std::vector<float>& background);
 
-// Fills what is not known (0) with the mean of known neighbours, coarse to fine: halves until all is
-// known, then comes back. rgb [H,W,3], known [H,W].
+// Fills what is not known (0) with the mean of known neighbours, coarse to fine: halves until all
+// is known, then comes back. rgb [H,W,3], known [H,W].
 void fillHoles(std::vector<float>& rgb, std::vector<uint8_t>& known, size_t width, size_t height);
 
 // Grows a mask by `radius` pixels (a square).

@@ -33,8 +33,8 @@ struct Preset {
 #undef SECTION_MEMBER
 };
 
-// "ci" (a minute or so, for demo and tests), "small" (an evening on a CPU), "paper". InputError
-// that lists them for another name.
+// "ci" (two minutes, for demo and tests), "small" (some twenty minutes on a CPU), "paper".
+// InputError that lists them for another name.
 Preset presetByName(std::string_view name);
 const std::vector<std::string>& presetNames();
 

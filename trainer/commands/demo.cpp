@@ -105,14 +105,10 @@ void runDemo(const DemoOptions& options) {
 
     // Held-out frames: as their tracker saw them, fitted with the shape that training found, and
     // with the refined mesh.
-    Capture test = capture.subset(heldOut), testFitted = test;
-    testFitted.betas = person.betas;
-    FitResult testFit = fitCapture(
-        device, person.body, testFitted,
-        {.preset = person.preset.fit, .fitShape = false, .loop = {.seed = options.common.seed}});
-    fitPosesToPictures(device, person, testFitted, false, {.seed = options.common.seed});
-    Capture testByPictures = testFitted;
-    fitPosesToPictures(device, person, testByPictures, true, {.seed = options.common.seed});
+    Capture test = capture.subset(heldOut), testFitted = test, testByPictures = test;
+    FitResult testFit =
+        fitTestPoses(device, person, testFitted, TestPoses::Masks, options.common.seed);
+    fitTestPoses(device, person, testByPictures, TestPoses::Pictures, options.common.seed);
     FrameCache testFrames(test);
     double iouGiven = mean(silhouetteIous(device, person.body, test, testFrames));
     std::vector<FrameMetrics> metrics =

@@ -9,7 +9,6 @@
 #include "trainer/data/progress.h"
 #include "trainer/eval/measures.h"
 #include "trainer/eval/results.h"
-#include "trainer/stages/fit.h"
 #include "trainer/stages/surface.h"
 
 namespace doppel {
@@ -29,17 +28,13 @@ Evaluation evaluateOne(Device& device, const std::filesystem::path& avatarFolder
     capture.requireMasks();
     if (settings) settings->insert(settings->end(), {{"preset", avatar.preset.name}});
     if (!options.fitTestPoses.empty()) {
-        capture.betas = avatar.betas;
-        FitResult fit = fitCapture(device, avatar.body, capture,
-                                   {.preset = avatar.preset.fit,
-                                    .fitShape = false,
-                                    .loop = {.seed = options.common.seed}});
+        const TestPoses to =
+            options.fitTestPoses == "pictures" ? TestPoses::Pictures : TestPoses::Masks;
+        const FitResult fit = fitTestPoses(device, avatar, capture, to, options.common.seed);
         if (settings) {
             settings->emplace_back("body_iou_before_fit", fmt::format("{:.4f}", fit.iouBefore));
             settings->emplace_back("body_iou_after_fit", fmt::format("{:.4f}", fit.iouAfter));
         }
-        fitPosesToPictures(device, avatar, capture, options.fitTestPoses == "pictures",
-                           {.seed = options.common.seed});
     }
     EvaluateSettings evaluate;
     evaluate.pictures = pictures;

@@ -200,8 +200,11 @@ void checkStages(TrainOptions& options) {
         if (std::ranges::count(all, word) == 0)
             throwInput("--stages: expected some of {}, found \"{}\"", fmt::join(all, ","), word);
     std::vector<std::string> stages = stagesOf(options.preset, options.stages);
-    if (stages.empty())
+    if (stages.empty() && options.stages.empty())
         throwInput("--stages: expected some of {}, found none", fmt::join(all, ","));
+    if (stages.empty())
+        throwInput("--stages: preset {} leaves {} out; --set {}.steps=200 takes it in",
+                   options.preset.name, fmt::join(options.stages, ", "), options.stages[0]);
     if (!options.refine) std::erase(stages, "refine");
     if (stages.empty()) throwInput("--no-refine: stage refine is all that --stages asks for");
     options.stages = stages;

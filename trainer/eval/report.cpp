@@ -6,13 +6,14 @@
 
 #include "engine/files/atomic_file.h"
 #include "trainer/avatar/sheet.h"
+#include "trainer/data/output_folder.h"
 
 namespace doppel {
 
 namespace {
 
 constexpr int kEnlarged = 4;
-constexpr const char* kHeadSuffix = "_head";
+constexpr const char* kHeads = "heads";  // a folder: no frame's picture has such a name
 
 Image part(const Image& image, const PixelRect& rect) {
     Image cut(rect.x1 - rect.x0, rect.y1 - rect.y0, 3);
@@ -64,11 +65,8 @@ std::vector<std::pair<std::string, double>> rowOf(const FrameMetrics& m) {
 }  // namespace
 
 std::vector<std::string> reportFiles(const std::vector<std::string>& frames) {
-    std::vector<std::string> files{"report.html"};
-    for (const std::string& name : frames) {
-        files.push_back(name + ".png");
-        files.push_back(name + kHeadSuffix + ".png");
-    }
+    std::vector<std::string> files{"report.html", kHeads};
+    for (const std::string& name : frames) files.push_back(name + ".png");
     return files;
 }
 
@@ -76,9 +74,10 @@ void writeReportPictures(const std::filesystem::path& folder, const std::string&
                          const Image& frame, const Image& render, const Image& error,
                          const PixelRect& head) {
     writeImage(folder / (name + ".png"), contactSheet({{frame, render, error}}));
-    if (head.x0 < head.x1 && head.y0 < head.y1)
-        writeImage(folder / (name + kHeadSuffix + ".png"),
-                   contactSheet({{part(frame, head), part(render, head)}}));
+    if (head.x0 >= head.x1 || head.y0 >= head.y1) return;
+    createFolders(folder / kHeads);
+    writeImage(folder / kHeads / (name + ".png"),
+               contactSheet({{part(frame, head), part(render, head)}}));
 }
 
 void writeReport(const std::filesystem::path& folder, const std::string& title,
@@ -100,9 +99,8 @@ void writeReport(const std::filesystem::path& folder, const std::string& title,
             "<h2>{}</h2>\n<p>frame, render, four times the error; the head in both, "
             "enlarged</p>\n<p><img src=\"{}.png\" alt=\"\">",
             escaped(frame.name), address(frame.name));
-        if (std::filesystem::exists(folder / (frame.name + kHeadSuffix + ".png")))
-            html +=
-                fmt::format("<img src=\"{}{}.png\" alt=\"\">", address(frame.name), kHeadSuffix);
+        if (std::filesystem::exists(folder / kHeads / (frame.name + ".png")))
+            html += fmt::format("<img src=\"{}/{}.png\" alt=\"\">", kHeads, address(frame.name));
         html += "</p>\n<p>";
         for (const auto& [name, value] : rowOf(frame))
             html += fmt::format("{} {:.3f} · ", escaped(name), value);

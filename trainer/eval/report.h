@@ -1,5 +1,5 @@
-// An evaluation to look at: report.html with every frame's figures, the pictures side by side and the
-// head enlarged.
+// An evaluation to look at: report.html with every frame's figures, the pictures side by side and
+// the head enlarged.
 #pragma once
 
 #include <filesystem>
@@ -16,8 +16,8 @@ namespace doppel {
 // The names of the files of a report on these frames: what a folder is asked for before.
 std::vector<std::string> reportFiles(const std::vector<std::string>& frames);
 
-// Writes NAME.png, frame, render and error side by side, and NAME_head.png, the head's part of frame
-// and render four times enlarged (where the rectangle has pixels).
+// Writes NAME.png, frame, render and error side by side, and heads/NAME.png, the head's part of
+// frame and render four times enlarged (where the rectangle has pixels).
 void writeReportPictures(const std::filesystem::path& folder, const std::string& name,
                          const Image& frame, const Image& render, const Image& error,
                          const PixelRect& head);

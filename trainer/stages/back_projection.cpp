@@ -7,6 +7,7 @@
 #include "trainer/avatar/background.h"
 #include "trainer/avatar/bake.h"
 #include "trainer/data/body_render.h"
+#include "trainer/data/progress.h"
 
 namespace doppel {
 
@@ -14,6 +15,8 @@ namespace {
 
 // What lies behind what is seen by more than this, m, is hidden.
 constexpr double kHidden = 0.012;
+// Evenly taken: more would hardly change a mean.
+constexpr size_t kMostFrames = 120;
 // Samples of the depth per pixel and axis, in pictures of up to so many pixels.
 constexpr int kSamples = 2;
 constexpr int64_t kSampledPixels = int64_t{1} << 20;
@@ -80,7 +83,11 @@ std::vector<float> backProject(Device& device, const BodyModel& body, const Capt
     std::unique_ptr<DepthMap> depths;
     const std::vector<TexelPlace> places = texelPlaces(body, size);
     std::vector<double> sums(3 * places.size()), totals(places.size());
-    for (size_t f = 0; f < capture.size(); ++f) {
+    const size_t count = std::min(capture.size(), kMostFrames);
+    Progress progress("first texels", static_cast<int64_t>(count));
+    for (size_t k = 0; k < count; ++k) {
+        if (interrupted()) throw Interrupted{};
+        const size_t f = k * capture.size() / count;
         const Camera& camera = capture.frames[f].camera;
         const auto picture = frames.load(f);
         const PosedMesh posed = poser.pose(capture.theta[f], capture.trans[f], capture.betas);
@@ -93,11 +100,11 @@ std::vector<float> backProject(Device& device, const BodyModel& body, const Capt
         for (size_t i = 0; i < places.size(); ++i) {
             if (places[i].face < 0 || !(facing[i] > 0)) continue;
             double x[3] = {0, 0, 0};
-            for (size_t k = 0; k < 3; ++k) {
-                const auto v =
-                    static_cast<size_t>(body.faces[3 * static_cast<size_t>(places[i].face) + k]);
+            for (size_t corner = 0; corner < 3; ++corner) {
+                const auto v = static_cast<size_t>(
+                    body.faces[3 * static_cast<size_t>(places[i].face) + corner]);
                 for (size_t c = 0; c < 3; ++c)
-                    x[c] += double{places[i].corners[k]} * double{posed.verts[3 * v + c]};
+                    x[c] += double{places[i].corners[corner]} * double{posed.verts[3 * v + c]};
             }
             if (!(x[2] > 0)) continue;
             const double u = camera.fx * x[0] / x[2] + camera.cx;
@@ -122,6 +129,7 @@ std::vector<float> backProject(Device& device, const BodyModel& body, const Capt
             }
             totals[i] += weight;
         }
+        progress.update(static_cast<int64_t>(k) + 1);
     }
     std::vector<float> texture(sums.size());
     std::vector<uint8_t> known(totals.size());

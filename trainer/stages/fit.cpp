@@ -115,7 +115,7 @@ FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
 
     Capture fitted = capture;
     unwrap(fitted.theta);
-    TrainingFrames frames(device, body, fitted, cache, preset.size, false, kFitMargin);
+    TrainingFrames frames(device, body, fitted, cache, preset.size, {.margin = kFitMargin});
     FitStart start = fitStart(fitted, settings.fitShape);
     FitStep step(
         device, body, start, preset,

@@ -1,7 +1,11 @@
-// Stage 1: the mesh refinement network G_m, trained against the masks through the soft silhouette
-// (see nn/steps/mesh_step.h).
+// Stage 1: the mesh refinement network G_m, trained against the masks, and the colours where there
+// are texels (see nn/steps/mesh_step.h).
 #include "nn/steps/mesh_step.h"
 
+#include <algorithm>
+#include <optional>
+
+#include "trainer/avatar/background.h"
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/avatar/networks.h"
 #include "trainer/stages/live_state.h"
@@ -16,18 +20,20 @@ void trainMesh(Device& device, TrainResult& result, const TrainSettings& setting
     const Capture& capture = result.capture;
     const MeshPreset& preset = avatar.preset.mesh;
     FrameCache cache(capture);
-    const bool coloured =
-        preset.loss == SilhouetteLoss::Edges && preset.colour > 0 && !avatar.texels.empty();
-    std::optional<BackgroundPlate> plate;
-    if (coloured) plate.emplace(capture, cache);
-    TrainingFrames frames(device, avatar.body, capture, cache, preset.size, coloured, 1,
-                          settings.memoryBudget, plate ? &*plate : nullptr);
-
     Parameters net;
     declareMeshNet(net, avatar, settings.seed);
     net.allocate(device);
     MeshStep step(device, avatar.body, avatar.betas, net, preset, settings.compileOptions(),
                   avatar.texels);
+    const MeshStep::Sample& first = step.samples.at(0);
+    const bool coloured = static_cast<bool>(first.image);
+    std::optional<BackgroundPlates> scene;
+    if (coloured) scene.emplace(capture, cache);
+    TrainingFrames frames(device, avatar.body, capture, cache, preset.size,
+                          {.colours = coloured,
+                           .memoryBudget = settings.memoryBudget,
+                           .edges = static_cast<bool>(first.scale),
+                           .scene = scene ? &*scene : nullptr});
 
     std::vector<double> weights;
     if (preset.balanceHeadings) weights = headingWeights(capture);
@@ -44,10 +50,11 @@ void trainMesh(Device& device, TrainResult& result, const TrainSettings& setting
             size_t frame = drawn[k];
             step.graph.write(sample.theta, std::span<const float>(capture.theta[frame]));
             step.graph.write(sample.trans, std::span<const float>(capture.trans[frame]));
-            const std::vector<float> mask = frames.mask(frame);
-            step.graph.write(sample.target, mask);
-            if (sample.scale)
-                step.graph.write(sample.scale, std::vector<float>{1 / personPixels(mask)});
+            step.graph.write(sample.target, frames.mask(frame));
+            if (sample.scale) {
+                step.graph.write(sample.scale, std::vector<float>{frames.scale(frame)});
+                step.graph.write(sample.counts, frames.inside(frame));
+            }
             if (sample.image) {
                 step.graph.write(sample.image, frames.image(frame));
                 step.graph.write(sample.background, frames.background(frame));
@@ -68,10 +75,17 @@ void trainMesh(Device& device, TrainResult& result, const TrainSettings& setting
 }
 
 void planMesh(Device& device, const Avatar& avatar, const Capture&, const TrainSettings& settings) {
+    // Colours count where texels are there, or will be.
+    std::vector<float> texels = avatar.texels;
+    if (std::ranges::count(settings.stages, "texels") > 0) {
+        const auto size = static_cast<size_t>(avatar.preset.texture.textureSize);
+        texels.resize(3 * size * size);
+    }
     Parameters net;
     declareMeshNet(net, avatar, settings.seed);
     net.allocate(device);
-    MeshStep(device, avatar.body, avatar.betas, net, avatar.preset.mesh, settings.compileOptions());
+    MeshStep(device, avatar.body, avatar.betas, net, avatar.preset.mesh, settings.compileOptions(),
+             texels);
 }
 
 }  // namespace doppel

@@ -49,9 +49,14 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
     const SurfacePreset& preset = run.preset;
     const bool coloured = !run.texels.empty();
     FrameCache cache(capture);
-    const BackgroundPlate plate(capture, cache);
-    TrainingFrames frames(device, body, capture, cache, preset.size, true, kMargin,
-                          run.memoryBudget, &plate);
+    std::optional<BackgroundPlates> scene;
+    if (coloured) scene.emplace(capture, cache);
+    TrainingFrames frames(device, body, capture, cache, preset.size,
+                          {.colours = coloured,
+                           .margin = kMargin,
+                           .memoryBudget = run.memoryBudget,
+                           .edges = true,
+                           .scene = scene ? &*scene : nullptr});
     SurfaceStep step(device, body,
                      {.poses = poseRows(capture),
                       .betas = capture.betas,
@@ -93,9 +98,8 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
             camera.fx *= preset.samples, camera.fy *= preset.samples;
             camera.cx *= preset.samples, camera.cy *= preset.samples;
             step.graph.write(sample.camera, cameraValues(rasterCamera(camera)));
-            const std::vector<float> mask = frames.mask(frame);
-            step.graph.write(sample.mask, mask);
-            step.graph.write(sample.scale, std::vector<float>{1 / personPixels(mask)});
+            step.graph.write(sample.mask, frames.mask(frame));
+            step.graph.write(sample.scale, std::vector<float>{frames.scale(frame)});
             step.graph.write(sample.counts, frames.inside(frame));
             if (!coloured) continue;
             step.graph.write(sample.image, frames.image(frame));
@@ -112,20 +116,24 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
     return SurfaceResult{step.offsetValues(), texels()};
 }
 
-void fitPosesToPictures(Device& device, const Avatar& avatar, Capture& capture, bool colours,
-                        const LoopSettings& loop) {
-    SurfaceRun run{.stage = "poses", .preset = avatar.preset.shape, .loop = loop};
-    run.loop.out.clear();
-    auto passes = [&](int times) {
+FitResult fitTestPoses(Device& device, const Avatar& avatar, Capture& capture, TestPoses to,
+                       uint64_t seed) {
+    capture.betas = avatar.betas;
+    FitResult result =
+        fitCapture(device, avatar.body, capture,
+                   {.preset = avatar.preset.fit, .fitShape = false, .loop = {.seed = seed}});
+    SurfaceRun run{.stage = "poses", .preset = avatar.preset.shape, .loop = {.seed = seed}};
+    auto steps = [&](int times) {  // that each frame is taken so many times
         return std::max(1, times * static_cast<int>(capture.size()) / run.preset.batch);
     };
-    run.preset.steps = passes(30);
+    run.preset.steps = steps(30);
     run.preset.lrTheta = .008;
     run.preset.lrTrans = .002;
     runSurface(device, avatar.body, capture, run);
-    if (!colours) return;
+    if (to == TestPoses::Masks) return result;
+    // Outlines have done their part: colours move poses freely, and by single pixels.
     run.preset = avatar.preset.texels;
-    run.preset.steps = passes(60);
+    run.preset.steps = steps(60);
     run.preset.lrTheta = .006;
     run.preset.lrTrans = .002;
     run.preset.priorTheta = .01;
@@ -135,6 +143,7 @@ void fitPosesToPictures(Device& device, const Avatar& avatar, Capture& capture, 
     run.texels = avatar.texture;
     run.textureSize = avatar.textureSize;
     runSurface(device, avatar.body, capture, run);
+    return result;
 }
 
 void planShape(Device& device, const Avatar& avatar, const Capture& capture,
@@ -154,6 +163,7 @@ void planTexels(Device& device, const Avatar& avatar, const Capture& capture,
 
 void trainShape(Device& device, TrainResult& result, const TrainSettings& settings) {
     Avatar& avatar = result.avatar;
+    result.capture.betas = avatar.betas;
     FrameCache cache(result.capture);
     SurfaceRun run{.stage = "shape",
                    .preset = avatar.preset.shape,
@@ -174,6 +184,7 @@ void trainShape(Device& device, TrainResult& result, const TrainSettings& settin
 void trainTexels(Device& device, TrainResult& result, const TrainSettings& settings) {
     Avatar& avatar = result.avatar;
     const int size = avatar.preset.texture.textureSize;
+    result.capture.betas = avatar.betas;
     FrameCache cache(result.capture);
     SurfaceRun run{.stage = "texels",
                    .preset = avatar.preset.texels,
@@ -184,6 +195,7 @@ void trainTexels(Device& device, TrainResult& result, const TrainSettings& setti
                    .loop = settings,
                    .memoryBudget = settings.memoryBudget,
                    .identity = stageIdentity(avatar, "texels")};
+    run.identity["texture.textureSize"] = fmt::format("{}", size);
     if (!settings.keeps()) run.loop.out.clear();
     auto take = [&](Avatar& to, const std::vector<float>& offsets,
                     const std::vector<float>& texels) {

@@ -1,5 +1,5 @@
-// Stages "shape" and "texels": a body's own surface from its frames (nn/steps/surface_step.h). Poses
-// that are not the training's are refined by the same steps with the surface as it is.
+// Stages "shape" and "texels": a body's own surface from its frames (nn/steps/surface_step.h).
+// Poses that are not the training's are fitted by the same steps, the surface as it is.
 #pragma once
 
 #include <optional>
@@ -33,9 +33,12 @@ struct SurfaceResult {
 std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, Capture& capture,
                                         const SurfaceRun& run);
 
-// Poses of frames that training did not see, by the pictures of the avatar as it is: silhouettes,
-// then colours too where `colours` is set. capture.betas are the avatar's.
-void fitPosesToPictures(Device& device, const Avatar& avatar, Capture& capture, bool colours,
-                        const LoopSettings& loop);
+// The poses of frames that training did not see, the avatar being frozen: fitted with its body to
+// their masks, first by the soft silhouette, which reaches far, then by edges; and to their
+// pictures, by colours as well, with the coarse texture and without the networks. Replaces
+// capture.theta, trans and betas, which become the avatar's. Returns what fitCapture() does.
+enum class TestPoses { Masks, Pictures };
+FitResult fitTestPoses(Device& device, const Avatar& avatar, Capture& capture, TestPoses to,
+                       uint64_t seed);
 
 }  // namespace doppel

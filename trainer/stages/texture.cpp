@@ -17,8 +17,8 @@ void trainTexture(Device& device, TrainResult& result, const TrainSettings& sett
     const Capture& capture = result.capture;
     const TexturePreset& preset = avatar.preset.texture;
     FrameCache cache(capture);
-    TrainingFrames frames(device, avatar.body, capture, cache, preset.size, true, 1,
-                          settings.memoryBudget);
+    TrainingFrames frames(device, avatar.body, capture, cache, preset.size,
+                          {.colours = true, .memoryBudget = settings.memoryBudget});
 
     // The mesh network is frozen: each frame's mesh is made once.
     std::vector<std::vector<float>> verts;

@@ -61,6 +61,8 @@ Asked askedFor(const TrainSettings& settings, const Avatar& avatar, const Captur
     for (const auto& [name, value] : presetValues(avatar.preset))
         for (const std::string& stage : settings.stages)
             if (name.starts_with(stage + ".")) asked[name] = value;
+    if (std::ranges::count(settings.stages, "texels") > 0)  // they have the texture's size
+        asked["texels.textureSize"] = fmt::format("{}", avatar.preset.texture.textureSize);
     Digest poses, cameras, body;
     for (size_t i = 0; i < capture.size(); ++i) {
         const Camera& camera = capture.frames[i].camera;
@@ -264,6 +266,18 @@ void trainStages(Device& device, TrainResult& result, const TrainSettings& setti
 
 }  // namespace
 
+namespace {
+
+// What stage "texture" made, and what later stages made of it.
+void clearTexture(Avatar& avatar) {
+    avatar.textureNet.clear();
+    avatar.texture.clear();
+    avatar.trained.erase("texture");
+    avatar.clearRefinement();
+}
+
+}  // namespace
+
 const std::vector<Stage>& allStages() {
     static const std::vector<Stage> stages{
         {.name = "fit", .train = trainFit, .plan = planFit, .movesPoses = true},
@@ -282,7 +296,11 @@ const std::vector<Stage>& allStages() {
          .movesPoses = true,
          .optional = true,
          .isIn = [](const Avatar& avatar) { return !avatar.texels.empty(); },
-         .clear = [](Avatar& avatar) { avatar.texels.clear(); }},
+         .clear =
+             [](Avatar& avatar) {
+                 avatar.texels.clear();
+                 clearTexture(avatar);  // the network painted over these texels
+             }},
         {.name = "mesh",
          .train = trainMesh,
          .plan = planMesh,
@@ -292,12 +310,7 @@ const std::vector<Stage>& allStages() {
          .train = trainTexture,
          .plan = planTexture,
          .isIn = [](const Avatar& avatar) { return !avatar.textureNet.empty(); },
-         .clear =
-             [](Avatar& avatar) {
-                 avatar.textureNet.clear();
-                 avatar.texture.clear();
-                 avatar.clearRefinement();
-             }},
+         .clear = clearTexture},
         {.name = "refine",
          .train = trainRefine,
          .plan = planRefine,

@@ -37,13 +37,14 @@ std::vector<uint8_t> deflated(const std::vector<uint8_t>& bytes) {
 }  // namespace
 
 TrainingFrames::TrainingFrames(Device& device, const BodyModel& body, const Capture& capture,
-                               FrameCache& cache, int size, bool colours, double margin,
-                               uint64_t memoryBudget, const BackgroundPlate* plate)
+                               FrameCache& cache, int size, const TrainingFramesOptions& options)
     : size_(size) {
     capture.requireMasks();
     uint64_t pixels = static_cast<uint64_t>(size) * static_cast<uint64_t>(size);
-    uint64_t raw = pixels * (plate ? 8 : colours ? 4 : 1) * capture.size();
-    compressed_ = raw > (memoryBudget > 0 ? memoryBudget : uint64_t{1} << 30);
+    uint64_t channels = 1 + (options.colours ? 3 : 0) + (options.edges ? 1 : 0);
+    if (options.scene) channels += 3;
+    compressed_ = pixels * channels * capture.size() >
+                  (options.memoryBudget > 0 ? options.memoryBudget : uint64_t{1} << 30);
     auto keep = [&](const std::vector<float>& values) {
         std::vector<uint8_t> bytes(values.size());
         std::ranges::transform(values, bytes.begin(), toByte);
@@ -54,19 +55,24 @@ TrainingFrames::TrainingFrames(Device& device, const BodyModel& body, const Capt
         PosedMesh posed = poser.pose(capture.theta[i], capture.trans[i], capture.betas);
         const Frame& frame = capture.frames[i];
         CropBox box = cropBox(frame.camera, posed.joints, "frame " + frame.name);
-        box.half *= margin;
-        if (plate && 2 * box.half <= size) box = ownPixels(box, size);
+        box.half *= options.margin;
+        if (options.edges && 2 * box.half <= size) box = ownPixels(box, size);
         Crop cut = crop(*cache.load(i), frame.camera, box, size);
         cameras_.push_back(cut.camera);
         boxes_.push_back(box);
+        scales_.push_back(std::accumulate(cut.mask.begin(), cut.mask.end(), 0.0f));
         masks_.push_back(keep(cut.mask));
-        if (colours) images_.push_back(keep(cut.image));
-        if (!plate) continue;
-        insides_.push_back(keep(cut.inside));
+        if (options.colours) images_.push_back(keep(cut.image));
+        if (options.edges) insides_.push_back(keep(cut.inside));
+        if (!options.scene) continue;
         Picture scene = *cache.load(i);
-        std::ranges::transform(plate->behind(scene), scene.rgb.begin(), toByte);
+        std::ranges::transform(options.scene->behind(scene), scene.rgb.begin(), toByte);
         backgrounds_.push_back(keep(crop(scene, frame.camera, box, size).image));
     }
+    std::vector<float> sorted = scales_;  // the masks' sums
+    std::ranges::sort(sorted);
+    const float least = std::max(1.0f, sorted.empty() ? 0 : sorted[sorted.size() / 2] / 20);
+    for (float& scale : scales_) scale = scale < least ? 0 : 1 / scale;
 }
 
 std::vector<float> TrainingFrames::unpack(const std::vector<uint8_t>& bytes, size_t count) const {
@@ -100,6 +106,7 @@ std::vector<float> TrainingFrames::background(size_t frame) const {
 }
 
 std::vector<float> TrainingFrames::inside(size_t frame) const {
+    if (auto found = ready_.find(frame); found != ready_.end()) return found->second.inside;
     return unpack(insides_.at(frame), static_cast<size_t>(size_) * static_cast<size_t>(size_));
 }
 
@@ -108,7 +115,8 @@ void TrainingFrames::prepare(std::span<const size_t> frames) {
     for (size_t frame : frames) {
         if (ready_.contains(frame)) continue;
         Ready one{mask(frame), images_.empty() ? std::vector<float>() : image(frame),
-                  backgrounds_.empty() ? std::vector<float>() : background(frame)};
+                  backgrounds_.empty() ? std::vector<float>() : background(frame),
+                  insides_.empty() ? std::vector<float>() : inside(frame)};
         ready_.emplace(frame, std::move(one));
     }
 }
@@ -118,10 +126,6 @@ uint64_t TrainingFrames::bytesKept() const {
     for (const auto* all : {&masks_, &images_, &backgrounds_, &insides_})
         for (const std::vector<uint8_t>& one : *all) bytes += one.size();
     return bytes;
-}
-
-float personPixels(std::span<const float> mask) {
-    return std::max(1.0f, std::accumulate(mask.begin(), mask.end(), 0.0f));
 }
 
 FrameSampler::FrameSampler(size_t count, uint64_t seed, std::vector<double> weights)

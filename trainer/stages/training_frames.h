@@ -13,26 +13,35 @@
 
 namespace doppel {
 
+struct TrainingFramesOptions {
+    bool colours = false;
+    double margin = 1;          // of the crops, times the method's box
+    uint64_t memoryBudget = 0;  // see below; 0: 1 GiB
+    // What comparing edges and colours wants: inside(), and frames that need not shrink cut at
+    // their own pixels, for sampled between them they would lose their sharpness.
+    bool edges = false;
+    const BackgroundPlates* scene = nullptr;  // with it background() is kept as well
+};
+
 class TrainingFrames {
 public:
-    // Crops around the body in its present poses, `margin` times as large as the method's box.
-    // Each frame is decoded once; its crop stays in memory as bytes, compressed without loss where
-    // all of them would take more than memoryBudget (0: 1 GiB).
-    // With a plate, what is behind the person is kept as well, and a frame that need not shrink is
-    // cut at its own pixels: sampled between them it would lose its sharpness.
+    // Crops around the body in its present poses. Each frame is decoded once; its crop stays in
+    // memory as bytes, compressed without loss where all of them would take more than the budget.
     TrainingFrames(Device& device, const BodyModel& body, const Capture& capture, FrameCache& cache,
-                   int size, bool colours, double margin = 1, uint64_t memoryBudget = 0,
-                   const BackgroundPlate* plate = nullptr);
+                   int size, const TrainingFramesOptions& options = {});
 
     size_t count() const { return cameras_.size(); }
     int size() const { return size_; }
     const Camera& camera(size_t frame) const { return cameras_[frame]; }
     const CropBox& box(size_t frame) const { return boxes_[frame]; }
-    std::vector<float> mask(size_t frame) const;   // [S,S] in [0,1]
-    std::vector<float> image(size_t frame) const;  // [S,S,3] sRGB-encoded in [0,1]
-    // [S,S,3] the scene without the person; needs a plate.
-    std::vector<float> background(size_t frame) const;
-    std::vector<float> inside(size_t frame) const;  // [S,S] the part of a pixel in the frame
+    std::vector<float> mask(size_t frame) const;        // [S,S] in [0,1]
+    std::vector<float> image(size_t frame) const;       // [S,S,3] sRGB-encoded in [0,1]
+    std::vector<float> background(size_t frame) const;  // [S,S,3] the scene without the person
+    std::vector<float> inside(size_t frame) const;      // [S,S] the part of a pixel in the frame
+    // What a picture's loss is counted by: one over the mask's sum. 0 where hardly anybody is to be
+    // seen (a twentieth of the median's pixels): such a frame tells nothing, and by its own few
+    // pixels it would count a thousandfold.
+    float scale(size_t frame) const { return scales_[frame]; }
 
     // Makes mask() and image() of these frames ready, in place of those made ready before: what the
     // host does for the next step while the device works on this one.
@@ -43,20 +52,18 @@ public:
 
 private:
     struct Ready {
-        std::vector<float> mask, image, background;
+        std::vector<float> mask, image, background, inside;
     };
     std::vector<float> unpack(const std::vector<uint8_t>& bytes, size_t count) const;
 
     int size_;
     std::vector<Camera> cameras_;
     std::vector<CropBox> boxes_;
+    std::vector<float> scales_;
     bool compressed_ = false;
     std::vector<std::vector<uint8_t>> masks_, images_, backgrounds_, insides_;
     std::map<size_t, Ready> ready_;
 };
-
-// A mask's sum, 1 at least: what a picture's loss is counted by.
-float personPixels(std::span<const float> mask);
 
 // Frame numbers in random order, each once per round; the same for the same seed. Where weights
 // are given, frames are drawn with replacement in their proportion.
