@@ -291,7 +291,7 @@ TEST(CommandLine, RefusesWithOneLineAndTwo) {
     refuse({"import", "--out", "c"}, "SRC is required");
     refuse({"import", "s", "--out", "c", "--fps", "0"}, "--fps");
     refuse({"train", "c", "--out", "a", "--preset", "huge"},
-           "--preset: expected one of ci, small, paper, found \"huge\"");
+           "--preset: expected one of ci, small, best, paper, found \"huge\"");
     refuse({"train", "c", "--out", "a", "--stages", "mesh,hair"},
            "--stages: expected some of fit,shape,texels,mesh,texture,refine, found \"hair\"");
     refuse({"train", "c", "--out", "a", "--set", "mesh.batch"},

@@ -9,6 +9,7 @@
 #include "engine/io/image.h"
 #include "tests/files.h"
 #include "tests/op_test.h"
+#include "trainer/avatar/bake.h"
 #include "trainer/commands/eval.h"
 #include "trainer/motion/synthetic.h"
 
@@ -140,7 +141,7 @@ TEST_F(Evaluate, FramesGiveTheTextureBack) {
     Avatar avatar = avatar_;
     FrameCache frames(capture_);
     const int size = 128;
-    avatar.texture = backProject(testDevice(), avatar.body, capture_, frames, size);
+    avatar.texture = backProject(testDevice(), avatar.body, capture_, frames, size).texture;
     avatar.textureSize = size;
     for (float value : avatar.texture) {
         EXPECT_GE(value, 0);
@@ -157,6 +158,48 @@ TEST_F(Evaluate, FramesGiveTheTextureBack) {
     const double own = interior(avatar);
     EXPECT_GT(own, 22);
     EXPECT_GT(own, interior(grey) + 8);
+}
+
+// What one side's frame shows is the other side's as well.
+TEST_F(Evaluate, WhatNoFrameShowsIsTakenFromTheOtherSide) {
+    const BodyModel body = bodyFromNpz(readBodyArrays("default"));
+    const std::vector<size_t> one{1};  // she has turned by a quarter
+    const Capture side = capture_.subset(one);
+    FrameCache frames(side);
+    constexpr int kTexels = 128;
+    const FirstTexels first = backProject(testDevice(), body, side, frames, kTexels);
+    EXPECT_GT(first.part(kFromFrames), .1);
+    EXPECT_GT(first.part(kFromOtherSide), .1);
+    EXPECT_NEAR(first.part(kFromFrames) + first.part(kFromOtherSide) + first.part(kFromNeighbours),
+                1, 1e-9);
+    const std::vector<TexelPlace> places = texelPlaces(body, kTexels);
+    auto placeOf = [&](size_t texel) {
+        std::array<float, 3> x{};
+        for (size_t k = 0; k < 3; ++k) {
+            const auto v = size_t(body.faces[3 * size_t(places[texel].face) + k]);
+            for (size_t c = 0; c < 3; ++c)
+                x[c] += places[texel].corners[k] * body.templateVertices[3 * v + c];
+        }
+        return x;
+    };
+    size_t checked = 0;
+    for (size_t i = 0; i < places.size(); i += 7) {
+        EXPECT_EQ(first.origin[i] == kNoTexel, places[i].face < 0);
+        if (first.origin[i] != kFromOtherSide) continue;
+        const std::array<float, 3> here = placeOf(i);
+        bool found = false;
+        for (size_t j = 0; j < places.size() && !found; ++j) {
+            if (first.origin[j] != kFromFrames) continue;
+            if (!std::equal(&first.texture[3 * i], &first.texture[3 * i] + 3,
+                            &first.texture[3 * j]))
+                continue;
+            const std::array<float, 3> there = placeOf(j);
+            found = std::hypot(here[0] + there[0], here[1] - there[1], here[2] - there[2]) < .016f;
+        }
+        EXPECT_TRUE(found) << i;
+        ++checked;
+    }
+    EXPECT_GT(checked, 50u);
 }
 
 TEST_F(Evaluate, WithLpips) {

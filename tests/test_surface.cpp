@@ -319,6 +319,39 @@ TEST(SurfaceRender, SameBitsTwiceAndForEitherPath) {
     EXPECT_LT(std::sqrt(difference / length), 1e-5);
 }
 
+// A pixel that teaches half has half a say in the texture and a whole one in the vertices.
+TEST(SurfaceRender, PixelsTeachTheTextureWhatTheyMay) {
+    OpCase test = twoBalls(5, 23, 19, 2, true);
+    auto run = [&](bool taught) {
+        Npz arrays;
+        for (const auto& [name, value] : test.inputs)
+            arrays.set(name, Array::f64(value.shape, value.data));
+        for (const auto& [name, value] : test.integers) {
+            std::vector<int32_t> numbers(value.data.begin(), value.data.end());
+            arrays.set(name, Array::i32(value.shape, numbers));
+        }
+        for (const auto& [name, value] : test.attributes)
+            arrays.set("attr_" + name, Array::scalarF64(value));
+        const Value teaches = uniform({19, 23}, 0, 1, 6);
+        Value dImage = random({19, 23, 3}, 4);
+        if (taught)
+            arrays.set("teaches", Array::f64({19, 23}, teaches.data));
+        else
+            for (size_t i = 0; i < dImage.data.size(); ++i) dImage.data[i] *= teaches.data[i / 3];
+        arrays.set("grad_image", Array::f64({19, 23, 3}, dImage.data));
+        return Op::find("surface_render")->run(testDevice(), arrays, {});
+    };
+    const Npz taught = run(true), scaled = run(false);
+    const std::vector<float> a = taught.at("grad_texture").toF32();
+    const std::vector<float> b = scaled.at("grad_texture").toF32();
+    for (size_t i = 0; i < a.size(); ++i) EXPECT_NEAR(a[i], b[i], 1e-5);
+    EXPECT_NE(taught.at("grad_verts").toF32(), scaled.at("grad_verts").toF32());
+
+    test.inputs["teaches"] = {{19, 23}, std::vector<double>(19 * 23, 1)};
+    test.directionTolerance = 2e-4;
+    checkOp("surface_render", test);
+}
+
 TEST(SurfaceRender, ATextureNeedsItsAtlasAndBackground) {
     OpCase test = twoBalls(3, 8, 8, 1, true);
     Npz arrays;

@@ -21,6 +21,36 @@ TEST(TextureLayout, Interleave) {
                  }});
 }
 
+TEST(Texture, BinomialMean) {
+    auto reference = [](const Values& v) -> Values {
+        const Value& x = v.at("x");
+        const int64_t h = x.shape[0], w = x.shape[1], channels = x.shape[2];
+        Value y = x;
+        for (int64_t i = 0; i < int64_t(y.data.size()); ++i) {
+            const int64_t row = i / channels / w, column = i / channels % w;
+            double sum = 0;
+            for (int64_t v2 = -1; v2 <= 1; ++v2)
+                for (int64_t u = -1; u <= 1; ++u) {
+                    if (row + v2 < 0 || row + v2 >= h || column + u < 0 || column + u >= w)
+                        continue;
+                    sum += (v2 == 0 ? .5 : .25) * (u == 0 ? .5 : .25) *
+                           x.data[size_t(i + (v2 * w + u) * channels)];
+                }
+            y.data[size_t(i)] = sum;
+        }
+        return {{"y", y}};
+    };
+    for (const Shape& shape :
+         {Shape{1, 1, 1}, {1, 7, 3}, {9, 1, 2}, {2, 2, 3}, {13, 11, 3}, {8, 16, 4}}) {
+        const Value x = random(shape);
+        checkOp("binomial_mean", {.inputs = {{"x", x}}, .reference = reference});
+        const std::vector<float> host = binomialMean(
+            std::vector<float>(x.data.begin(), x.data.end()), shape[0], shape[1], shape[2]);
+        const Value expected = reference({{"x", x}}).at("y");
+        for (size_t i = 0; i < host.size(); ++i) EXPECT_NEAR(host[i], expected.data[i], 1e-6);
+    }
+}
+
 // Each texture of a batch hands its gradient to its own planes; one without gradient gives zeros.
 TEST(TextureLayout, BatchKeepsImagesApart) {
     Graph graph(testDevice());

@@ -12,6 +12,7 @@
 #include "tests/files.h"
 #include "tests/op_test.h"
 #include "trainer/avatar/checkpoint.h"
+#include "trainer/avatar/training_poses.h"
 #include "trainer/commands/train.h"
 #include "trainer/eval/evaluate.h"
 #include "trainer/motion/synthetic.h"
@@ -388,6 +389,35 @@ TEST_F(Resume, StagesThatAreNotTrainedKeepTheirNetworksAndNumbers) {
               bytesOf(whole() / "mesh_net.safetensors"));
     EXPECT_EQ(readAvatar(options.out).preset.texture.width, 8);
     EXPECT_NE(readAvatar(options.out).betas, avatar.betas);
+}
+
+// What training found of the frames' poses is there for eval, and for stages that go on.
+TEST_F(Resume, KeepsThePosesThatItFound) {
+    const Capture given = readCapture(capture());
+    Capture seen = given;
+    EXPECT_EQ(takeTrainingPoses(whole(), seen), given.size());
+    for (size_t f = 0; f < given.size(); ++f) EXPECT_NE(seen.theta[f], given.theta[f]);
+    std::vector<size_t> last{given.size() - 1};
+    Capture part = given.subset(last);
+    part.theta.push_back(given.theta[0]);
+    part.theta.back()[5] += .1f;  // a frame that it was not trained on
+    part.trans.push_back(given.trans[0]);
+    part.frames.push_back(given.frames[0]);
+    EXPECT_EQ(takeTrainingPoses(whole(), part), 1u);
+    EXPECT_EQ(part.theta[0], seen.theta.back());
+    EXPECT_EQ(part.theta[1][5], given.theta[0][5] + .1f);
+
+    const double asGiven =
+        meanMetrics(evaluateAvatar(testDevice(), readAvatar(whole()), given)).iou;
+    const double asFound = meanMetrics(evaluateAvatar(testDevice(), readAvatar(whole()), seen)).iou;
+    EXPECT_GT(asFound, asGiven + .02);
+
+    const fs::path copy = folder_->path() / "damaged-poses";
+    fs::copy(whole(), copy, fs::copy_options::recursive);
+    Npz arrays = readNpz(copy / "poses.npz");
+    arrays.set("given", Array::f32({2, 3}, std::vector<float>(6)));
+    writeNpz(copy / "poses.npz", arrays, true);
+    expectInputError([&] { takeTrainingPoses(copy, seen); }, "poses.npz: given: expected shape");
 }
 
 // Texels that are trained again take what was painted over the old ones with them.

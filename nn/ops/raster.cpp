@@ -5,7 +5,6 @@
 
 #include "engine/files/numbers.h"
 #include "nn/core/op.h"
-#include "nn/ops/raster_call.h"
 
 namespace doppel {
 
@@ -83,12 +82,6 @@ RasterAtlas rasterAtlas(Graph& graph, const Tensor& uvs, std::span<const int32_t
                         std::string_view what) {
     CHECK(uvs.shape.size() == 2 && uvs.dim(1) == 2, "uvs is [T,2]");
     return {uvs, paddedTriples(graph, facesUv, uvs.dim(0), what, "a UV")};
-}
-
-std::vector<float> cameraValues(const RasterCamera& camera) {
-    std::vector<float> values(sizeof(camera) / 4);
-    std::memcpy(values.data(), &camera, sizeof(camera));
-    return values;
 }
 
 // ---- soft silhouette ----------------------------------------------------------------------------

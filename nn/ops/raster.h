@@ -9,6 +9,7 @@
 #include <span>
 
 #include "nn/core/graph.h"
+#include "nn/ops/raster_camera.h"
 #include "raster/params.h"
 
 namespace doppel {
@@ -31,12 +32,6 @@ struct RasterAtlas {
 };
 RasterAtlas rasterAtlas(Graph& graph, const Tensor& uvs, std::span<const int32_t> facesUv,
                         std::string_view what = "faces_uv");
-
-// A camera as the renders take it: an input of the graph, so that it can change between replays,
-//     Tensor camera = graph.input(kCameraShape); graph.write(camera, cameraValues({...}));
-// or a constant.
-inline const Shape kCameraShape{sizeof(RasterCamera) / 4};
-std::vector<float> cameraValues(const RasterCamera& camera);
 
 struct RasterOptions {
     // A face whose box holds more pixels than this is shared by the invocations of a workgroup;

@@ -1,7 +1,6 @@
 #include "nn/ops/surface.h"
 
 #include "nn/core/op.h"
-#include "nn/ops/raster_call.h"
 
 namespace doppel {
 
@@ -24,8 +23,12 @@ SurfaceRender surfaceRender(Graph& graph, const RasterMesh& mesh, const Tensor& 
     const Tensor colours =
         coloured ? texturedRender(graph, seen, look->atlas, look->texture) : none;
     const Tensor background = coloured ? look->background : none;
+    const bool taught = coloured && look->teaches;
     if (coloured)
         CHECK(background.shape == (Shape{height, width, 3}), "the background is [{},{},3]", height,
+              width);
+    if (taught)
+        CHECK(look->teaches.shape == (Shape{height, width}), "a pixel of [{},{}] teaches", height,
               width);
     SurfaceRender result{coloured ? graph.temporary({height, width, 3}) : Tensor(),
                          graph.temporary({height, width})};
@@ -38,6 +41,8 @@ SurfaceRender surfaceRender(Graph& graph, const RasterMesh& mesh, const Tensor& 
                                divisorOf(static_cast<uint64_t>(columns))};
     const Specialisation spec{{"samples", static_cast<uint32_t>(options.samples)},
                               {"coloured", coloured ? 1u : 0u}};
+    Specialisation blend = spec;
+    blend["taught"] = taught;
     const auto samples = static_cast<uint64_t>(rows * columns);
     graph.beginOp("surface_render");
     graph.dispatch("raster/surface_blend.forward",
@@ -46,19 +51,20 @@ SurfaceRender surfaceRender(Graph& graph, const RasterMesh& mesh, const Tensor& 
                     {"background", background},
                     {"image", image},
                     {"alpha", alpha}},
-                   params, static_cast<uint64_t>(height * width), spec);
+                   params, static_cast<uint64_t>(height * width), blend);
 
     std::vector<Tensor> inputs{verts}, outputs{alpha};
     if (coloured) inputs.push_back(colours), outputs.push_back(image);
-    const SurfaceLook look_ = coloured ? *look : SurfaceLook{{none, none}, none, none};
+    const SurfaceLook look_ = coloured ? *look : SurfaceLook{{none, none}, none, none, {}};
     graph.differentiate(inputs, outputs, [=, &graph] {
         const Tensor dImage = coloured ? graph.gradient(image) : none;
         if (coloured && graph.wantsGradient(colours))
             graph.dispatch("raster/surface_blend.backward",
                            {{"index", seen.faceIndex},
                             {"dImage", dImage},
+                            {"teaches", taught ? look_.teaches : none},
                             {"dColours", graph.gradientTarget(colours)}},
-                           params, samples, spec);
+                           params, samples, blend);
         if (!graph.wantsGradient(verts)) return;
         Tensor screen = graph.temporary({mesh.vertices, 4});
         const ProjectParams projection{static_cast<uint32_t>(mesh.vertices),
@@ -115,7 +121,7 @@ SurfaceRender surfaceRender(Graph& graph, const RasterMesh& mesh, const Tensor& 
 static const Op kSurfaceRender{{
     .name = "surface_render",
     .inputs = "verts[V,3] faces:i32[F,3] uvs[T,2]? faces_uv:i32[F,3]? texture[Ht,Wt,3]? "
-              "background[H,W,3]?",
+              "background[H,W,3]? teaches[H,W]?",
     .attributes = "fx fy cx cy width height samples=1 edge_jump=0.03 large_box=1024",
     .outputs = "alpha image",
     .differentiable = "verts texture",
@@ -130,7 +136,7 @@ static const Op kSurfaceRender{{
                 for (const char* name : {"uvs", "faces_uv", "background"})
                     if (!c[name]) throwInput("{}: expected beside a texture, found none", name);
                 look = {rasterAtlas(c.graph, c["uvs"], c.ints("faces_uv")), c["texture"],
-                        c["background"]};
+                        c["background"], c["teaches"]};
             }
             SurfaceRender drawn =
                 surfaceRender(c.graph, mesh, c["verts"], camera, coloured ? &look : nullptr,

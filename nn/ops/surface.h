@@ -15,6 +15,9 @@ struct SurfaceLook {
     RasterAtlas atlas;
     Tensor texture;     // [Ht,Wt,3]
     Tensor background;  // [H,W,3]
+    // [H,W] The part of a pixel's gradient that reaches the texture; empty: all of it. Where a
+    // picture shows the background, that the surface is there is wrong, and not its colour.
+    Tensor teaches = {};
 };
 
 struct SurfaceOptions {

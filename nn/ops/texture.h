@@ -1,5 +1,4 @@
-// Between the networks' images (planes of one channel) and the rasterizer's textures (channels side
-// by side).
+// Textures: channels side by side, [H,W,C], as the rasterizer takes them.
 #pragma once
 
 #include <vector>
@@ -8,7 +7,15 @@
 
 namespace doppel {
 
-// x [N,C,H,W] as N textures [H,W,C]. Gradient to x.
+// The networks' images (planes of one channel) x [N,C,H,W] as N textures [H,W,C]. Gradient to x.
 std::vector<Tensor> interleave(Graph& graph, const Tensor& x);
+
+// y = the mean of the 3x3 texels around each, weighted by 1 2 1 along either axis; zeros beyond the
+// border. x, y [H,W,C]. A texture that is learned through it has no pattern finer than a picture
+// shows: what nobody sees would be noise. Gradient to x.
+Tensor binomialMean(Graph& graph, const Tensor& x);
+// The same on the host.
+std::vector<float> binomialMean(const std::vector<float>& x, int64_t height, int64_t width,
+                                int64_t channels);
 
 }  // namespace doppel

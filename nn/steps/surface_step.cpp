@@ -8,6 +8,7 @@
 #include "nn/ops/fit.h"
 #include "nn/ops/loss.h"
 #include "nn/ops/mesh.h"
+#include "nn/ops/texture.h"
 #include "nn/steps/fit_step.h"
 
 namespace doppel {
@@ -33,7 +34,8 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceStart sta
     if (start_.offsets.empty()) start_.offsets.resize(static_cast<size_t>(3 * V));
     corrections.add("correction", {frames, kPoseRow}, std::vector<float>(start_.poses.size()));
     offsets.add("offsets", {V, 3}, start_.offsets);
-    if (coloured) texels.add("texels", {texture, texture, 3}, start_.texels);
+    if (coloured)
+        texels.add("texels", {texture, texture, 3}, std::vector<float>(start_.texels.size()));
     for (Parameters* parameters : {&corrections, &offsets, &texels})
         if (!parameters->entries().empty()) parameters->allocate(device);
 
@@ -51,9 +53,10 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceStart sta
     if (coloured) {
         Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
         look.atlas = rasterAtlas(graph, uvs, body.uvFaces);
-        look.texture = movesTexels ? graph.parameter(texels, "texels")
-                                   : graph.constant(std::span<const float>(start_.texels),
-                                                    {texture, texture, 3});
+        look.texture = graph.constant(std::span<const float>(start_.texels), {texture, texture, 3});
+        if (movesTexels)
+            look.texture =
+                add(graph, look.texture, binomialMean(graph, graph.parameter(texels, "texels")));
     }
 
     constexpr uint32_t kFrameWord = offsetof(StepParams, frame) / 4;
@@ -87,6 +90,7 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceStart sta
             sample.image = graph.input({size, size, 3});
             sample.background = graph.input({size, size, 3});
             look.background = sample.background;
+            look.teaches = sample.mask;
         }
         SurfaceRender drawn = surfaceRender(graph, faces, posed.verts, sample.camera,
                                             coloured ? &look : nullptr, size, size, drawing);
@@ -157,8 +161,10 @@ std::vector<float> SurfaceStep::offsetValues() const {
 }
 
 std::vector<float> SurfaceStep::texelValues() const {
-    std::vector<float> values = texels.read(*texels.find("texels"));
-    for (float& value : values) value = std::clamp(value, 0.0f, 1.0f);
+    std::vector<float> values = binomialMean(texels.read(*texels.find("texels")),
+                                             start_.textureSize, start_.textureSize, 3);
+    for (size_t i = 0; i < values.size(); ++i)
+        values[i] = std::clamp(values[i] + start_.texels[i], 0.0f, 1.0f);
     return values;
 }
 

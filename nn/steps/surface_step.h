@@ -20,34 +20,36 @@
 
 namespace doppel {
 
-#define SURFACE_NUMBERS(NUMBER, FLAG, CHOICE)                                                     \
-    NUMBER(int, size, 256, 16, 4096, "side of the crops, pixels")                                 \
-    NUMBER(int, samples, 1, 1, 4, "samples of a pixel along each axis")                           \
-    NUMBER(int, batch, 4, 1, 64, "frames of a step")                                              \
-    NUMBER(int, steps, 0, 0, kNoLimit, "steps; 0: the stage is left out, as in the paper")        \
-    NUMBER(double, decay, .1, 1e-6, 1, "part of the rates that is left in the last step")         \
-    NUMBER(double, lrTheta, .01, 1e-9, 10, "rad per step and joint")                              \
-    NUMBER(double, lrTrans, .003, 0, 10, "m per step")                                            \
-    NUMBER(double, lrOffsets, .04, 0, 10, "m per step of the vertex that moves most, before it "  \
-                                          "is smoothed")                                          \
-    NUMBER(double, lrTexels, .015, 0, 10, "of 1, per step and texel")                             \
-    NUMBER(double, silhouette, 1, 0, kNoLimit, "w_s, weight of the silhouettes' loss")            \
-    NUMBER(double, silhouette1, 2, 0, kNoLimit, "weight in it of single pixels")                  \
-    NUMBER(double, silhouette2, 1, 0, kNoLimit, "weight in it of cells of 2 pixels a side")       \
-    NUMBER(double, silhouette4, .5, 0, kNoLimit, "of 4")                                          \
-    NUMBER(double, silhouette8, .25, 0, kNoLimit, "of 8")                                         \
-    NUMBER(double, colour, 4, 0, kNoLimit, "w_c, weight of the colours' loss")                    \
-    NUMBER(double, colour1, 1, 0, kNoLimit, "weight in it of single pixels")                      \
-    NUMBER(double, colour2, .5, 0, kNoLimit, "weight in it of cells of 2 pixels a side")          \
-    NUMBER(double, colour4, .5, 0, kNoLimit, "of 4")                                              \
-    NUMBER(double, colour8, 0, 0, kNoLimit, "of 8")                                               \
-    NUMBER(double, robust, .02, 0, 1, "difference of colours from which on outliers count less")  \
-    NUMBER(double, priorTheta, .05, 0, kNoLimit, "weight of staying near the given rotations")    \
-    NUMBER(double, priorTrans, .5, 0, kNoLimit, "weight of staying near the given places")        \
-    NUMBER(double, smoothTheta, 0, 0, kNoLimit, "weight of slow corrections, in videos")          \
-    NUMBER(double, stay, .3, 0, kNoLimit, "weight of small offsets")                              \
-    NUMBER(double, stayTexels, 0, 0, kNoLimit, "weight of texels near those that frames gave first") \
-    NUMBER(double, smooth, 500, 0, kNoLimit, "weight of smooth offsets")                          \
+#define SURFACE_NUMBERS(NUMBER, FLAG, CHOICE)                                                    \
+    NUMBER(int, size, 256, 16, 4096, "side of the crops, pixels")                                \
+    NUMBER(int, samples, 1, 1, 4, "samples of a pixel along each axis")                          \
+    NUMBER(int, batch, 4, 1, 64, "frames of a step")                                             \
+    NUMBER(int, steps, 0, 0, kNoLimit, "steps; 0: the stage is left out, as in the paper")       \
+    NUMBER(double, decay, .1, 1e-6, 1, "part of the rates that is left in the last step")        \
+    NUMBER(double, lrTheta, .01, 1e-9, 10, "rad per step and joint")                             \
+    NUMBER(double, lrTrans, .003, 0, 10, "m per step")                                           \
+    NUMBER(double, lrOffsets, .04, 0, 10,                                                        \
+           "m per step of the vertex that moves most, before it "                                \
+           "is smoothed")                                                                        \
+    NUMBER(double, lrTexels, .015, 0, 10, "of 1, per step and texel")                            \
+    NUMBER(double, silhouette, 1, 0, kNoLimit, "w_s, weight of the silhouettes' loss")           \
+    NUMBER(double, silhouette1, 2, 0, kNoLimit, "weight in it of single pixels")                 \
+    NUMBER(double, silhouette2, 1, 0, kNoLimit, "weight in it of cells of 2 pixels a side")      \
+    NUMBER(double, silhouette4, .5, 0, kNoLimit, "of 4")                                         \
+    NUMBER(double, silhouette8, .25, 0, kNoLimit, "of 8")                                        \
+    NUMBER(double, colour, 4, 0, kNoLimit, "w_c, weight of the colours' loss")                   \
+    NUMBER(double, colour1, 1, 0, kNoLimit, "weight in it of single pixels")                     \
+    NUMBER(double, colour2, .5, 0, kNoLimit, "weight in it of cells of 2 pixels a side")         \
+    NUMBER(double, colour4, .5, 0, kNoLimit, "of 4")                                             \
+    NUMBER(double, colour8, 0, 0, kNoLimit, "of 8")                                              \
+    NUMBER(double, robust, .02, 0, 1, "difference of colours from which on outliers count less") \
+    NUMBER(double, priorTheta, .05, 0, kNoLimit, "weight of staying near the given rotations")   \
+    NUMBER(double, priorTrans, .5, 0, kNoLimit, "weight of staying near the given places")       \
+    NUMBER(double, smoothTheta, 0, 0, kNoLimit, "weight of slow corrections, in videos")         \
+    NUMBER(double, stay, .3, 0, kNoLimit, "weight of small offsets")                             \
+    NUMBER(double, stayTexels, 0, 0, kNoLimit,                                                   \
+           "weight of texels near those that frames gave first")                                 \
+    NUMBER(double, smooth, 500, 0, kNoLimit, "weight of smooth offsets")                         \
     NUMBER(double, lambda, 10, 0, 1e4, "how far a step of the offsets is smoothed, edges squared")
 struct SurfacePreset {
     NUMBERS(SURFACE_NUMBERS)
@@ -77,7 +79,9 @@ struct SurfaceStep {
         Tensor scale;              // [1] one over the mask's sum
         Tensor image, background;  // [S,S,3]; empty without colours
     };
-    Parameters corrections, offsets, texels;  // outlive what the graph has under way
+    // They outlive what the graph has under way. texels [size,size,3]: what their mean over
+    // neighbours (nn/ops/texture.h) adds to those at the start, for a picture tells nothing finer.
+    Parameters corrections, offsets, texels;
     Graph graph;
     Losses losses{graph};  // silhouette (L_s), colour (L_c), prior, offsets, texels
     std::vector<Sample> samples;
@@ -86,7 +90,7 @@ struct SurfaceStep {
                 const SurfacePreset& preset, const CompileOptions& options = {});
 
     // As they are by now.
-    std::vector<float> poses() const;        // [frames, kPoseRow]
+    std::vector<float> poses() const;         // [frames, kPoseRow]
     std::vector<float> offsetValues() const;  // [V,3]
     std::vector<float> texelValues() const;   // [size,size,3] in [0,1]
 

@@ -329,6 +329,7 @@ void addOps() {
     addCase({"multiply", "4M", {a, b}});
     addCase({"concat", "4M", {a, b}, {}, false});
     addCase({"concat_relu", "4M", {a, b}});
+    addCase({"binomial_mean", "512", {{"x", {512, 512, 3}}}});
     addCase({"interleave", "512", {{"x", {3, 512, 512}}}, {}, false});
 
     // ---- optimisers, poses ------------------------------------------------------------------

@@ -5,5 +5,10 @@ SHARED_BEGIN
 struct InterleaveParams {
     uint channels, pixels;
 };
+struct BinomialMeanParams {
+    uint n;             // elements
+    uint line, height;  // elements of a line of texels; lines
+    uint channels;
+};
 SHARED_END
 #endif

@@ -62,6 +62,27 @@ std::vector<float> readTexture(const fs::path& path, int& size) {
     return texture;
 }
 
+void writeSeen(const fs::path& path, const std::vector<uint8_t>& seen, int size) {
+    std::error_code ignored;
+    if (seen.empty()) {
+        fs::remove(path, ignored);
+        return;
+    }
+    Image image(size, size, 1);
+    image.data = seen;
+    writeImage(path, image);
+}
+
+// Empty where there is no such file, as in avatars of earlier versions.
+std::vector<uint8_t> readSeen(const fs::path& path, int size) {
+    if (!fs::exists(path)) return {};
+    Image image = readImage(path, 1);
+    if (image.width != size || image.height != size)
+        throwInput("{}: expected {}×{} pixels, as texels.png has, found {}×{}", path.string(), size,
+                   size, image.width, image.height);
+    return image.data;
+}
+
 toml::table parseToml(const fs::path& path) {
     std::vector<uint8_t> bytes = readWholeFile(path, uint64_t{1} << 20);
     std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
@@ -84,10 +105,11 @@ void writeLiveAvatar(const fs::path& out, const Avatar& avatar) {
 }
 
 void claimAvatar(const fs::path& folder) {
-    claimFiles(folder, kAvatarKind,
-               {"avatar.toml", "body.npz", "mesh_net.safetensors", "texture_net.safetensors",
-                "refine_net.safetensors", "texels.png", "texture.png", "texture_baked.png",
-                "preview.png", "progress.png", "checkpoints", "log"});
+    claimFiles(
+        folder, kAvatarKind,
+        {"avatar.toml", "body.npz", "poses.npz", "mesh_net.safetensors", "texture_net.safetensors",
+         "refine_net.safetensors", "texels.png", "texels_seen.png", "texture.png",
+         "texture_baked.png", "preview.png", "progress.png", "checkpoints", "log"});
 }
 
 fs::path bodyFile(const std::string& body) {
@@ -120,6 +142,7 @@ void writeAvatar(const fs::path& folder, const Avatar& avatar) {
     writeNetwork(folder / "texture_net.safetensors", avatar.textureNet);
     writeNetwork(folder / "refine_net.safetensors", avatar.refineNet);
     writeTexture(folder / "texels.png", avatar.texels, avatar.textureSize);
+    writeSeen(folder / "texels_seen.png", avatar.texelsSeen, avatar.textureSize);
     writeTexture(folder / "texture.png", avatar.texture, avatar.textureSize);
     writeTexture(folder / "texture_baked.png", avatar.bakedTexture, avatar.textureSize);
 
@@ -178,6 +201,7 @@ Avatar readAvatar(const fs::path& folder) {
     avatar.textureNet = readNetwork(folder / "texture_net.safetensors");
     avatar.refineNet = readNetwork(folder / "refine_net.safetensors");
     avatar.texels = readTexture(folder / "texels.png", avatar.textureSize);
+    avatar.texelsSeen = readSeen(folder / "texels_seen.png", avatar.textureSize);
     avatar.texture = readTexture(folder / "texture.png", avatar.textureSize);
     avatar.bakedTexture = readTexture(folder / "texture_baked.png", avatar.textureSize);
     return avatar;

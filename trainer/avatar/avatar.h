@@ -3,7 +3,11 @@
 //     avatar.toml               name, seed, preset, every number of the run, where it came from
 //     body.npz                  the body model, the person's betas and, once stage "shape" is
 //                               done, her offsets [V,3] beyond the model
+//     poses.npz                 the training frames' poses as training left them
+//                               (trainer/avatar/training_poses.h)
 //     texels.png                once stage "texels" is done: the texture that networks paint over
+//     texels_seen.png           beside it: where its first colours came from, white where frames
+//                               show the person (trainer/stages/back_projection.h)
 //     mesh_net.safetensors      once stage "mesh" is done
 //     texture_net.safetensors   once stage "texture" is done
 //     texture.png               the atlas as the texture network paints it for all sides
@@ -38,6 +42,7 @@ struct Avatar {
     int textureSize = 0;
     // [size,size,3] sRGB-encoded in [0,1]; empty: none yet.
     std::vector<float> texels, texture, bakedTexture;
+    std::vector<uint8_t> texelsSeen;  // [size,size] beside texels, TexelOrigin
 
     // Forgets what stage "refine" made, as when the stages before it are trained again.
     void clearRefinement() {

@@ -40,11 +40,23 @@ void fillHoles(std::vector<float>& rgb, std::vector<uint8_t>& known, size_t widt
             for (size_t c = 0; c < 3; ++c) half[3 * (y * halfWidth + x) + c] = sum[c] / count;
         }
     fillHoles(half, halfKnown, halfWidth, halfHeight);
+    // Bilinear: of the half that a pixel lies in and its neighbour on the pixel's side, 3 to 1.
+    auto sides = [](size_t x, size_t end) {
+        const size_t own = x / 2, other = x % 2 == 1 ? own + 1 : own == 0 ? 0 : own - 1;
+        return std::pair(own, std::min(other, end - 1));
+    };
     for (size_t y = 0; y < height; ++y)
         for (size_t x = 0; x < width; ++x) {
             if (known[y * width + x]) continue;
+            const auto [x0, x1] = sides(x, halfWidth);
+            const auto [y0, y1] = sides(y, halfHeight);
+            auto at = [&](size_t u, size_t v, size_t c) {
+                return half[3 * (v * halfWidth + u) + c];
+            };
             for (size_t c = 0; c < 3; ++c)
-                rgb[3 * (y * width + x) + c] = half[3 * (y / 2 * halfWidth + x / 2) + c];
+                rgb[3 * (y * width + x) + c] =
+                    (9 * at(x0, y0, c) + 3 * at(x1, y0, c) + 3 * at(x0, y1, c) + at(x1, y1, c)) /
+                    16;
         }
 }
 

@@ -44,7 +44,7 @@ std::vector<float> composite(const std::vector<float>& rgb, const std::vector<ui
                              const std::vector<float>& background);
 
 // Fills what is not known (0) with the mean of known neighbours, coarse to fine: halves until all
-// is known, then comes back. rgb [H,W,3], known [H,W].
+// is known, then comes back, bilinear. rgb [H,W,3], known [H,W].
 void fillHoles(std::vector<float>& rgb, std::vector<uint8_t>& known, size_t width, size_t height);
 
 // Grows a mask by `radius` pixels (a square).

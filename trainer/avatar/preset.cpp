@@ -64,7 +64,7 @@ std::vector<std::string> namesInSection(const Preset& preset, std::string_view n
 }  // namespace
 
 const std::vector<std::string>& presetNames() {
-    static const std::vector<std::string> names{"ci", "small", "paper"};
+    static const std::vector<std::string> names{"ci", "small", "best", "paper"};
     return names;
 }
 
@@ -90,7 +90,7 @@ Preset presetByName(std::string_view name) {
     preset.texels.lrOffsets = .03;
     preset.texels.lambda = 1;  // colours tell finer things than outlines do
     preset.texels.smooth = 50;
-    preset.texels.lrTexels = .03;
+    preset.texels.lrTexels = .06;
     preset.texels.priorTheta = .02;
     preset.texels.priorTrans = .2;
     preset.texels.silhouette1 = 1;
@@ -122,13 +122,13 @@ Preset presetByName(std::string_view name) {
     preset.refine.batch = 1;
     preset.refine.lr = 2e-3;
     preset.refine.lrDiscriminator = 2e-4;
-    if (name == "small") {
+    if (name == "small" || name == "best") {
         preset.mesh.hidden = 64;
         preset.mesh.deviation = .02;
         preset.fit.sigma = 1e-6;
         preset.shape.size = preset.texels.size = 512;
         preset.shape.steps = 400;
-        preset.texels.steps = 200;
+        preset.texels.steps = 400;
         preset.texels.samples = 2;
         // Real poses are off by more than the actors', and few frames may show a texel: neither is
         // to be answered by creases and noise.
@@ -143,6 +143,19 @@ Preset presetByName(std::string_view name) {
         preset.refine.width = 16;
         preset.refine.discriminatorWidth = 16;
         preset.refine.steps = 150;
+        if (name == "small") return preset;
+        // Texels as fine as a near camera's pixels, and time to settle.
+        preset.texture.textureSize = 1024;
+        preset.shape.steps = 800;
+        preset.shape.size = preset.texels.size = 768;
+        preset.texels.steps = 1200;
+        preset.mesh.hidden = 128;
+        preset.mesh.steps = 1000;
+        preset.texture.width = 32;
+        preset.texture.steps = 600;
+        preset.refine.width = 32;
+        preset.refine.discriminatorWidth = 32;
+        preset.refine.steps = 1000;
         return preset;
     }
     if (name == "ci") {

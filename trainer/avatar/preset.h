@@ -33,8 +33,9 @@ struct Preset {
 #undef SECTION_MEMBER
 };
 
-// "ci" (two minutes, for demo and tests), "small" (some twenty minutes on a CPU), "paper".
-// InputError that lists them for another name.
+// "ci" (two minutes, for demo and tests), "small" (some twenty minutes on a CPU), "best" (small with
+// finer texels, larger networks and longer schedules, for GPUs), "paper". InputError that lists them
+// for another name.
 Preset presetByName(std::string_view name);
 const std::vector<std::string>& presetNames();
 

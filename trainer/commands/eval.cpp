@@ -3,6 +3,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "trainer/avatar/training_poses.h"
 #include "trainer/commands/command.h"
 #include "trainer/data/frame_selection.h"
 #include "trainer/data/output_folder.h"
@@ -27,6 +28,18 @@ Evaluation evaluateOne(Device& device, const std::filesystem::path& avatarFolder
     Capture capture = whole.subset(selectFrames(options.frames, whole.size()));
     capture.requireMasks();
     if (settings) settings->insert(settings->end(), {{"preset", avatar.preset.name}});
+    const Capture given = capture;
+    const size_t seen = takeTrainingPoses(avatarFolder, capture);
+    if (seen > 0)
+        fmt::print(stderr, "the avatar was trained on {} of these {} frames\n", seen,
+                   capture.size());
+    if (options.givenPoses) capture = given;
+    if (seen > 0 && !options.givenPoses && options.fitTestPoses.empty())
+        fmt::print(stderr,
+                   "{}: the poses that training found for them are taken; --given-poses leaves "
+                   "them as the capture has them\n",
+                   captureFolder.string());
+    if (settings) settings->emplace_back("frames_trained_on", fmt::format("{}", seen));
     if (!options.fitTestPoses.empty()) {
         const TestPoses to =
             options.fitTestPoses == "pictures" ? TestPoses::Pictures : TestPoses::Masks;
@@ -144,6 +157,9 @@ void declareFlags(CommandFlags& flags, EvalOptions& o) {
             "Fit poses and positions (not the avatar) to these frames first: to their masks, "
             "or with =pictures to their colours as well")
         ->check(CLI::IsMember({"masks", "pictures"}));
+    flags->add_flag("--given-poses", o.givenPoses,
+                    "Of frames that were trained on: the capture's poses, and not those that "
+                    "training found");
     flags.scene(o.scene);
     flags.measures(o.measures);
     flags.path("--out", o.out, "Folder for results.json, results.csv and results.md");

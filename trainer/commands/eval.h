@@ -14,7 +14,8 @@ struct EvalOptions {
     std::filesystem::path avatar, capture;  // one of each, or folders of them: see findCaptures
     std::string frames;
     std::string texture = "best";  // a word of textureKind()
-    std::string fitTestPoses;      // "masks" or "pictures", what poses are fitted to; empty: as given
+    std::string fitTestPoses;  // "masks" or "pictures", what poses are fitted to; empty: as given
+    bool givenPoses = false;   // of frames that were trained on: not the poses that training found
     std::filesystem::path pictures;  // a folder for render, frame and error side by side; empty: no
     std::filesystem::path out;       // a folder for tables; empty: none
     std::string scene = "frame";     // see EvaluateSettings::background

@@ -1,7 +1,11 @@
 #include "trainer/stages/back_projection.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <glm/glm.hpp>
+#include <map>
+#include <memory>
 
 #include "nn/ops/raster.h"
 #include "trainer/avatar/background.h"
@@ -61,23 +65,114 @@ private:
     std::vector<float> surface_;
 };
 
-// How much a mask's pixels count: full two pixels from its rim, little on it, nothing outside.
-std::vector<float> maskWeights(const Picture& picture) {
+// A frame as texels take from it.
+struct View {
+    std::vector<float> rgb;      // [H,W,3] in [0,1]
+    std::vector<float> weights;  // [H,W] full two pixels from the mask's rim, 0 outside
+};
+
+// The pixels on a mask's rim are mixed with what is behind: they count little, and take the mean
+// colour of what of the inside is near, as do those beside it, so that a texel which nobody saw
+// otherwise has no halo.
+View viewOf(const Picture& picture) {
+    constexpr int kRim = 2, kReach = 3;  // pixels
+    const int w = picture.width, h = picture.height;
     std::vector<uint8_t> outside(picture.mask.size());
     std::ranges::transform(picture.mask, outside.begin(),
                            [](uint8_t m) { return static_cast<uint8_t>(m > 127 ? 0 : 255); });
-    const std::vector<uint8_t> near = dilateMask(outside, picture.width, picture.height, 1);
-    const std::vector<uint8_t> nearly = dilateMask(outside, picture.width, picture.height, 2);
-    std::vector<float> weights(outside.size());
-    for (size_t i = 0; i < weights.size(); ++i)
-        weights[i] = outside[i] ? 0 : near[i] ? 1e-4f : nearly[i] ? 1e-2f : 1;
-    return weights;
+    const std::vector<uint8_t> near = dilateMask(outside, w, h, 1);
+    const std::vector<uint8_t> rim = dilateMask(outside, w, h, kRim);
+    const std::vector<uint8_t> grown = dilateMask(picture.mask, w, h, 1);
+    View view{std::vector<float>(picture.rgb.size()), std::vector<float>(outside.size())};
+    std::ranges::transform(picture.rgb, view.rgb.begin(),
+                           [](uint8_t c) { return static_cast<float>(c) / 255; });
+    for (int y = 0; y < h; ++y)
+        for (int x = 0; x < w; ++x) {
+            const auto i = static_cast<size_t>(y * w + x);
+            view.weights[i] = outside[i] ? 0 : near[i] ? 1e-4f : rim[i] ? 1e-2f : 1;
+            if (!rim[i] || !grown[i]) continue;
+            std::array<float, 3> sum{};
+            float count = 0;
+            for (int v = std::max(0, y - kReach); v <= std::min(h - 1, y + kReach); ++v)
+                for (int u = std::max(0, x - kReach); u <= std::min(w - 1, x + kReach); ++u) {
+                    const auto other = static_cast<size_t>(v * w + u);
+                    if (rim[other]) continue;
+                    for (size_t c = 0; c < 3; ++c)
+                        sum[c] += static_cast<float>(picture.rgb[3 * other + c]) / 255;
+                    ++count;
+                }
+            if (count > 0)
+                for (size_t c = 0; c < 3; ++c) view.rgb[3 * i + c] = sum[c] / count;
+        }
+    return view;
+}
+
+// For each texel that is not known, the known one at its mirror image on the template, or -1.
+std::vector<int64_t> mirrorImages(const BodyModel& body, const std::vector<TexelPlace>& places,
+                                  const std::vector<uint8_t>& known) {
+    constexpr double kNear = 0.015;    // m
+    constexpr double kSameSide = 0.5;  // cosine between the normals
+    const double plane = restJoints(body, std::vector<double>(BodyModel::kShapes))[0];
+    struct Point {
+        glm::dvec3 place, normal;
+    };
+    auto corner = [&](size_t face, size_t k) {
+        const float* v = &body.templateVertices[3 * static_cast<size_t>(body.faces[3 * face + k])];
+        return glm::dvec3(v[0], v[1], v[2]);
+    };
+    auto pointOf = [&](const TexelPlace& place) {
+        const auto face = static_cast<size_t>(place.face);
+        const glm::dvec3 a = corner(face, 0), b = corner(face, 1), c = corner(face, 2);
+        const glm::dvec3 normal = glm::cross(b - a, c - a);
+        return Point{double{place.corners[0]} * a + double{place.corners[1]} * b +
+                         double{place.corners[2]} * c,
+                     normal / std::max(glm::length(normal), 1e-12)};
+    };
+    // Known texels by cells of space as wide as the search reaches.
+    using Cell = std::array<int, 3>;
+    auto cellOf = [&](const glm::dvec3& p) {
+        return Cell{static_cast<int>(std::floor(p.x / kNear)),
+                    static_cast<int>(std::floor(p.y / kNear)),
+                    static_cast<int>(std::floor(p.z / kNear))};
+    };
+    std::map<Cell, std::vector<size_t>> cells;
+    for (size_t i = 0; i < places.size(); ++i)
+        if (known[i] && places[i].face >= 0) cells[cellOf(pointOf(places[i]).place)].push_back(i);
+    std::vector<int64_t> mirrored(places.size(), -1);
+    for (size_t i = 0; i < places.size(); ++i) {
+        if (known[i] || places[i].face < 0) continue;
+        Point image = pointOf(places[i]);
+        image.place.x = 2 * plane - image.place.x;
+        image.normal.x = -image.normal.x;
+        const Cell centre = cellOf(image.place);
+        double nearest = kNear;
+        for (int n = 0; n < 27; ++n) {
+            const auto cell = cells.find(
+                {centre[0] + n % 3 - 1, centre[1] + n / 3 % 3 - 1, centre[2] + n / 9 - 1});
+            if (cell == cells.end()) continue;
+            for (size_t other : cell->second) {
+                const Point point = pointOf(places[other]);
+                const double distance = glm::distance(point.place, image.place);
+                if (distance >= nearest || glm::dot(point.normal, image.normal) < kSameSide)
+                    continue;
+                nearest = distance;
+                mirrored[i] = static_cast<int64_t>(other);
+            }
+        }
+    }
+    return mirrored;
 }
 
 }  // namespace
 
-std::vector<float> backProject(Device& device, const BodyModel& body, const Capture& capture,
-                               FrameCache& frames, int size) {
+double FirstTexels::part(TexelOrigin from) const {
+    const auto all = static_cast<double>(
+        origin.size() - static_cast<size_t>(std::ranges::count(origin, uint8_t{kNoTexel})));
+    return static_cast<double>(std::ranges::count(origin, uint8_t{from})) / std::max(all, 1.0);
+}
+
+FirstTexels backProject(Device& device, const BodyModel& body, const Capture& capture,
+                        FrameCache& frames, int size) {
     capture.requireMasks();
     BodyPoser poser(device, body);
     std::unique_ptr<DepthMap> depths;
@@ -95,7 +190,7 @@ std::vector<float> backProject(Device& device, const BodyModel& body, const Capt
             depths = std::make_unique<DepthMap>(device, body, camera);
         depths->draw(posed.verts, camera);
         const std::vector<float> facing = viewWeights(body, places, posed.verts);
-        const std::vector<float> counts = maskWeights(*picture);
+        const View view = viewOf(*picture);
         const int w = picture->width, h = picture->height;
         for (size_t i = 0; i < places.size(); ++i) {
             if (places[i].face < 0 || !(facing[i] > 0)) continue;
@@ -113,14 +208,14 @@ std::vector<float> backProject(Device& device, const BodyModel& body, const Capt
             if (seen == 0 || x[2] > seen + kHidden) continue;
             const int column = static_cast<int>(u), row = static_cast<int>(v);
             const double weight =
-                double{facing[i]} * double{counts[static_cast<size_t>(row * w + column)]};
+                double{facing[i]} * double{view.weights[static_cast<size_t>(row * w + column)]};
             if (!(weight > 0)) continue;
             // Bilinear, clamped at the border.
             const double s = std::clamp(u - .5, 0.0, w - 1.0), t = std::clamp(v - .5, 0.0, h - 1.0);
             const int x0 = static_cast<int>(s), y0 = static_cast<int>(t);
             const int x1 = std::min(x0 + 1, w - 1), y1 = std::min(y0 + 1, h - 1);
             auto pixel = [&](int px, int py, size_t c) {
-                return picture->rgb[static_cast<size_t>(py * w + px) * 3 + c] / 255.0;
+                return double{view.rgb[static_cast<size_t>(py * w + px) * 3 + c]};
             };
             for (size_t c = 0; c < 3; ++c) {
                 const double above = std::lerp(pixel(x0, y0, c), pixel(x1, y0, c), s - x0);
@@ -131,16 +226,26 @@ std::vector<float> backProject(Device& device, const BodyModel& body, const Capt
         }
         progress.update(static_cast<int64_t>(k) + 1);
     }
-    std::vector<float> texture(sums.size());
+    FirstTexels first{std::vector<float>(sums.size()), std::vector<uint8_t>(totals.size())};
     std::vector<uint8_t> known(totals.size());
     for (size_t i = 0; i < totals.size(); ++i) {
         if (!(totals[i] > 1e-12)) continue;
         known[i] = 1;
+        first.origin[i] = kFromFrames;
         for (size_t c = 0; c < 3; ++c)
-            texture[3 * i + c] = static_cast<float>(sums[3 * i + c] / totals[i]);
+            first.texture[3 * i + c] = static_cast<float>(sums[3 * i + c] / totals[i]);
     }
-    fillHoles(texture, known, static_cast<size_t>(size), static_cast<size_t>(size));
-    return texture;
+    const std::vector<int64_t> mirrored = mirrorImages(body, places, known);
+    for (size_t i = 0; i < places.size(); ++i) {
+        if (known[i] || places[i].face < 0) continue;
+        first.origin[i] = kFromNeighbours;
+        if (mirrored[i] < 0) continue;
+        first.origin[i] = kFromOtherSide;
+        std::copy_n(&first.texture[3 * static_cast<size_t>(mirrored[i])], 3, &first.texture[3 * i]);
+    }
+    for (size_t i = 0; i < places.size(); ++i) known[i] |= first.origin[i] == kFromOtherSide;
+    fillHoles(first.texture, known, static_cast<size_t>(size), static_cast<size_t>(size));
+    return first;
 }
 
 }  // namespace doppel

@@ -11,12 +11,28 @@
 
 namespace doppel {
 
-// [size,size,3] in [0,1]: the mean over the frames (120 at most) of the pixel at each texel's
+// Where a texel's first colour came from, as a grey that tells it.
+enum TexelOrigin : uint8_t {
+    kNoTexel = 0,          // between the charts
+    kFromNeighbours = 85,  // no frame shows it, nor its mirror image
+    kFromOtherSide = 170,  // of the body: no frame shows it
+    kFromFrames = 255,
+};
+
+struct FirstTexels {
+    std::vector<float> texture;   // [size,size,3] in [0,1]
+    std::vector<uint8_t> origin;  // [size,size] TexelOrigin
+    // The parts of the atlas's texels that have this origin, 0 to 1.
+    double part(TexelOrigin from) const;
+};
+
+// Texels that frames show have the mean over the frames (120 at most) of the pixel at each texel's
 // place, weighted by the fourth power of the cosine to the camera, and by a hundredth for each of
-// the two outermost pixels of a mask that it lies in. A place counts where no other part of the
-// body is before it. Texels that no frame sees take the mean of their neighbours. The frames need
-// masks.
-std::vector<float> backProject(Device& device, const BodyModel& body, const Capture& capture,
-                               FrameCache& frames, int size);
+// the two outermost pixels of a mask that it lies in, whose colours are those of the inside. A
+// place counts where no other part of the body is before it. A texel that no frame sees takes its
+// mirror image on the body's other side where a frame sees that, else the mean of its neighbours.
+// The frames need masks.
+FirstTexels backProject(Device& device, const BodyModel& body, const Capture& capture,
+                        FrameCache& frames, int size);
 
 }  // namespace doppel

@@ -133,7 +133,7 @@ FitResult fitTestPoses(Device& device, const Avatar& avatar, Capture& capture, T
     if (to == TestPoses::Masks) return result;
     // Outlines have done their part: colours move poses freely, and by single pixels.
     run.preset = avatar.preset.texels;
-    run.preset.steps = steps(60);
+    run.preset.steps = steps(100);
     run.preset.lrTheta = .006;
     run.preset.lrTrans = .002;
     run.preset.priorTheta = .01;
@@ -186,9 +186,15 @@ void trainTexels(Device& device, TrainResult& result, const TrainSettings& setti
     const int size = avatar.preset.texture.textureSize;
     result.capture.betas = avatar.betas;
     FrameCache cache(result.capture);
+    FirstTexels first = backProject(device, avatar.body, result.capture, cache, size);
+    fmt::print(stderr,
+               "{:.1f} % of the texture is seen in the frames, {:.1f} % is taken from the body's "
+               "other side, {:.1f} % from its surroundings\n",
+               100 * first.part(kFromFrames), 100 * first.part(kFromOtherSide),
+               100 * first.part(kFromNeighbours));
     SurfaceRun run{.stage = "texels",
                    .preset = avatar.preset.texels,
-                   .texels = backProject(device, avatar.body, result.capture, cache, size),
+                   .texels = std::move(first.texture),
                    .textureSize = size,
                    .movesOffsets = true,
                    .movesTexels = true,
@@ -202,6 +208,7 @@ void trainTexels(Device& device, TrainResult& result, const TrainSettings& setti
         setOffsets(to, offsets);
         to.textureSize = size;
         to.texels = to.texture = texels;
+        to.texelsSeen = first.origin;
     };
     run.picture = [&](const std::vector<float>& offsets, const std::vector<float>& texels) {
         Avatar now = avatar;

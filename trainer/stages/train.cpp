@@ -9,6 +9,7 @@
 #include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/avatar/rendering.h"
+#include "trainer/avatar/training_poses.h"
 #include "trainer/data/output_folder.h"
 
 namespace doppel {
@@ -299,6 +300,7 @@ const std::vector<Stage>& allStages() {
          .clear =
              [](Avatar& avatar) {
                  avatar.texels.clear();
+                 avatar.texelsSeen.clear();
                  clearTexture(avatar);  // the network painted over these texels
              }},
         {.name = "mesh",
@@ -369,14 +371,17 @@ TrainResult trainAvatar(Device& device, Avatar avatar, Capture capture,
                         const TrainSettings& settings) {
     capture.requireMasks();
     requireMemory(device, avatar, capture, settings);
-    TrainResult result{std::move(avatar), std::move(capture), std::nullopt};
+    TrainResult result{std::move(avatar), capture, std::nullopt};
     Run run(settings, result.avatar, result.capture, device.precision());
+    // Stages that go on with an avatar go on with the poses that its former ones found.
+    if (!run.wants("fit") && settings.keeps()) takeTrainingPoses(settings.out, result.capture);
     try {
         if (settings.opened && settings.keeps()) {
             writeLiveAvatar(settings.out, result.avatar);
             settings.opened();
         }
         trainStages(device, result, settings, run);
+        if (settings.keeps()) writeTrainingPoses(settings.out, capture, result.capture);
     } catch (...) {
         run.forgetIfEmpty();
         throw;

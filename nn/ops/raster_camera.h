@@ -1,10 +1,25 @@
-// What the declarations of the rasterizers' ops make of their attributes.
+// A camera as the renders take it: an input of the graph, so that it can change between replays,
+//     Tensor camera = graph.input(kCameraShape); graph.write(camera, cameraValues({...}));
+// or a constant.
 #pragma once
 
+#include <cstring>
+#include <vector>
+
 #include "nn/core/op.h"
-#include "nn/ops/raster.h"
+#include "raster/params.h"
 
 namespace doppel {
+
+inline const Shape kCameraShape{sizeof(RasterCamera) / 4};
+inline std::vector<float> cameraValues(const RasterCamera& camera) {
+    std::vector<float> values(sizeof(camera) / 4);
+    std::memcpy(values.data(), &camera, sizeof(camera));
+    return values;
+}
+
+// ---- what the declarations of the rasterizers' ops make of their attributes
+// ----------------------
 
 // attr_NAME as a picture's side.
 inline int64_t side(OpCall& c, std::string_view name, int64_t most) {

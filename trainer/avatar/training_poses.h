@@ -1,0 +1,23 @@
+// The poses of the frames that an avatar was trained on, as training left them. In the avatar's
+// folder, poses.npz: what readPoses() takes, and
+//
+//     given [F,75]   theta and trans of each frame as the capture had them: tells frames again
+#pragma once
+
+#include <filesystem>
+#include <span>
+
+#include "trainer/data/capture.h"
+
+namespace doppel {
+
+// given: the capture that training was given; trained: the same frames with the poses of now.
+void writeTrainingPoses(const std::filesystem::path& avatar, const Capture& given,
+                        const Capture& trained);
+
+// Gives those of the capture's frames which the avatar was trained on, told by the poses that they
+// have, the poses that training found. Returns how many; 0 where the avatar has none. InputError
+// for a file that is damaged.
+size_t takeTrainingPoses(const std::filesystem::path& avatar, Capture& capture);
+
+}  // namespace doppel
