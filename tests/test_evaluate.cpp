@@ -160,6 +160,31 @@ TEST_F(Evaluate, FramesGiveTheTextureBack) {
     EXPECT_GT(own, interior(grey) + 8);
 }
 
+// A rectangle of the atlas has figures of its own: what is painted over elsewhere does not change
+// them.
+TEST_F(Evaluate, RegionsOfTheAtlas) {
+    EvaluateSettings settings;
+    settings.regions = {atlasRegion("left=0,0,.5,1", "--region"),
+                        atlasRegion("right=.5,0,1,1", "--region")};
+    auto psnr = [&](const Avatar& avatar, const char* name) {
+        const FrameMetrics mean =
+            meanMetrics(evaluateCapture(testDevice(), avatar, capture_, settings).frames);
+        const auto found =
+            std::ranges::find(mean.figures, name, &std::pair<std::string, double>::first);
+        EXPECT_NE(found, mean.figures.end()) << name;
+        return found == mean.figures.end() ? 0 : found->second;
+    };
+    Avatar other = avatar_;
+    const int size = other.textureSize;
+    for (int y = 0; y < size; ++y)
+        std::fill_n(&other.texture[3 * size_t(y * size)], 3 * size / 2 - 12, 0.f);
+    EXPECT_LT(psnr(other, "psnr_left"), psnr(avatar_, "psnr_left") - 5);
+    EXPECT_NEAR(psnr(other, "psnr_right"), psnr(avatar_, "psnr_right"), .1);
+    for (const char* wrong : {"", "print", "print=", "=0,0,1,1", "a b=0,0,1,1", "head=0,0,1,1",
+                              "a=0,0,1", "a=0,0,1,1,", "a=.5,0,.5,1", "a=0,0,1,2", "a=0,nan,1,1"})
+        expectInputError([&] { atlasRegion(wrong, "--region"); }, "--region: expected NAME=LEFT");
+}
+
 // What one side's frame shows is the other side's as well.
 TEST_F(Evaluate, WhatNoFrameShowsIsTakenFromTheOtherSide) {
     const BodyModel body = bodyFromNpz(readBodyArrays("default"));

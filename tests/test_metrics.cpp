@@ -128,8 +128,14 @@ TEST(PictureFigures, TellWhatIsWrong) {
     const std::vector<float> frame = picture(mask, 0, false);
     auto figures = [&](const std::vector<float>& render, const std::vector<uint8_t>& coverage) {
         const std::vector<float> person = cut(render, coverage);
-        const Figures all =
-            pictureFigures({kSize, kSize, render, frame, person, coverage, mask, {10, 10, 30, 30}});
+        const Figures all = pictureFigures({kSize,
+                                            kSize,
+                                            render,
+                                            frame,
+                                            person,
+                                            coverage,
+                                            mask,
+                                            {regionOf("head", {10, 10, 30, 30}, kSize, kSize)}});
         std::map<std::string, double> map(all.begin(), all.end());
         EXPECT_EQ(map.size(), all.size());
         return map;
@@ -158,7 +164,8 @@ TEST(PictureFigures, TellWhatIsWrong) {
     EXPECT_LT(shifted["psnr_head"], 15);
     EXPECT_GT(shifted["correlation_head"], .95);
     // A head out of the picture has no figures.
-    const Figures none = pictureFigures({kSize, kSize, frame, frame, frame, mask, mask, {}});
+    const Figures none = pictureFigures(
+        {kSize, kSize, frame, frame, frame, mask, mask, {regionOf("head", {}, kSize, kSize)}});
     EXPECT_EQ(none.back().first, "psnr_white");
 }
 

@@ -53,6 +53,8 @@ Evaluation evaluateOne(Device& device, const std::filesystem::path& avatarFolder
     evaluate.pictures = pictures;
     evaluate.texture = texture;
     evaluate.background = options.scene;
+    for (const std::string& region : options.regions)
+        evaluate.regions.push_back(atlasRegion(region, "--region"));
     // The plate is of all frames: more of them show what is behind the person.
     evaluate.plateOf = whole.hasMasks() ? &whole : nullptr;
     evaluate.lpips = measures.lpips.get();
@@ -91,6 +93,7 @@ void runEval(const EvalOptions& options) {
     catchInterrupts();
     for (const std::filesystem::path& out : {options.out, options.pictures})
         requireApart(out, {options.avatar, options.capture});
+    for (const std::string& region : options.regions) atlasRegion(region, "--region");
     const std::vector<CollectionEntry> entries = findCaptures(options.capture);
     const bool collection = entries.size() > 1 || entries[0].folder != options.capture;
     for (const CollectionEntry& entry : entries) avatarOf(options.avatar, entry.actor);
@@ -160,6 +163,9 @@ void declareFlags(CommandFlags& flags, EvalOptions& o) {
     flags->add_flag("--given-poses", o.givenPoses,
                     "Of frames that were trained on: the capture's poses, and not those that "
                     "training found");
+    flags->add_option("--region", o.regions,
+                      "Figures of a rectangle of the atlas as well: NAME=LEFT,TOP,RIGHT,BOTTOM, "
+                      "parts of 0 to 1; may be repeated");
     flags.scene(o.scene);
     flags.measures(o.measures);
     flags.path("--out", o.out, "Folder for results.json, results.csv and results.md");

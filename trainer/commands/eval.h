@@ -18,7 +18,8 @@ struct EvalOptions {
     bool givenPoses = false;   // of frames that were trained on: not the poses that training found
     std::filesystem::path pictures;  // a folder for render, frame and error side by side; empty: no
     std::filesystem::path out;       // a folder for tables; empty: none
-    std::string scene = "frame";     // see EvaluateSettings::background
+    std::vector<std::string> regions;  // see atlasRegion()
+    std::string scene = "frame";       // see EvaluateSettings::background
     MeasureOptions measures;
 };
 

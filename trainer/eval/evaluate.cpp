@@ -1,6 +1,8 @@
 #include "trainer/eval/evaluate.h"
 
 #include <algorithm>
+#include <cctype>
+#include <charconv>
 #include <cmath>
 
 #include "engine/io/image.h"
@@ -75,6 +77,19 @@ PixelRect headRect(const BodyModel& body, const PosedMesh& posed, const Camera& 
             pixel(high[1] + kAround + 1, camera.height)};
 }
 
+// White where a region of the atlas is, on black.
+std::vector<float> regionTexture(const AtlasRegion& region, int size) {
+    std::vector<float> texture(3 * static_cast<size_t>(size) * static_cast<size_t>(size));
+    for (int y = 0; y < size; ++y)
+        for (int x = 0; x < size; ++x) {
+            const double u = (x + .5) / size, v = (y + .5) / size;
+            if (u < region.left || u >= region.right || v < region.top || v >= region.bottom)
+                continue;
+            std::fill_n(&texture[3 * static_cast<size_t>(y * size + x)], 3, 1.0f);
+        }
+    return texture;
+}
+
 double greatestDifference(std::span<const float> a, std::span<const float> b) {
     double greatest = 0;
     for (size_t i = 0; i < a.size(); ++i)
@@ -83,6 +98,35 @@ double greatestDifference(std::span<const float> a, std::span<const float> b) {
 }
 
 }  // namespace
+
+AtlasRegion atlasRegion(std::string_view text, std::string_view where) {
+    AtlasRegion region;
+    const size_t equals = text.find('=');
+    region.name = text.substr(0, equals);
+    const bool named = !region.name.empty() && region.name != "head" &&
+                       std::ranges::all_of(region.name, [](unsigned char c) {
+                           return std::isalnum(c) != 0 || c == '_';
+                       });
+    std::string_view numbers = equals == std::string_view::npos ? "" : text.substr(equals + 1);
+    bool whole = named;
+    for (double* side : {&region.left, &region.top, &region.right, &region.bottom}) {
+        const auto [end, error] =
+            std::from_chars(numbers.data(), numbers.data() + numbers.size(), *side);
+        whole = whole && error == std::errc();
+        numbers.remove_prefix(static_cast<size_t>(end - numbers.data()));
+        const bool last = side == &region.bottom;
+        whole = whole && (last ? numbers.empty() : numbers.starts_with(','));
+        if (!last && !numbers.empty()) numbers.remove_prefix(1);
+    }
+    whole = whole && region.left >= 0 && region.top >= 0 && region.left < region.right &&
+            region.top < region.bottom && region.right <= 1 && region.bottom <= 1;
+    if (!whole)
+        throwInput(
+            "{}: expected NAME=LEFT,TOP,RIGHT,BOTTOM with parts of the atlas from 0 to 1, as "
+            "print=.3,.2,.5,.4, and another name than head, found \"{}\"",
+            where, text);
+    return region;
+}
 
 Evaluation evaluateCapture(Device& device, const Avatar& avatar, const Capture& capture,
                            const EvaluateSettings& settings) {
@@ -97,6 +141,11 @@ Evaluation evaluateCapture(Device& device, const Avatar& avatar, const Capture& 
     }
     AvatarRenderer renderer(device, avatar, true, settings.texture);
     BodyPoser poser(device, avatar.body);
+    constexpr int kRegionTexels = 512;
+    MeshDrawer drawer(device, avatar.body);
+    std::vector<std::vector<float>> regionTextures;
+    for (const AtlasRegion& region : settings.regions)
+        regionTextures.push_back(regionTexture(region, kRegionTexels));
     auto submit = [&](size_t i) {
         renderer.submit(capture.theta[i], capture.trans[i], capture.frames[i].camera, kSamples);
     };
@@ -126,8 +175,18 @@ Evaluation evaluateCapture(Device& device, const Avatar& avatar, const Capture& 
         const PixelRect head =
             headRect(avatar.body, poser.pose(capture.theta[i], capture.trans[i], avatar.betas),
                      frame.camera);
-        metrics.figures =
-            pictureFigures({w, h, render, target, drawing.rgb, drawing.mask, picture->mask, head});
+        std::vector<PictureRegion> regions{regionOf("head", head, w, h)};
+        for (size_t r = 0; r < settings.regions.size(); ++r) {
+            const Drawing shown =
+                drawer.draw(renderer.vertices(capture.theta[i], capture.trans[i]), frame.camera,
+                            regionTextures[r], kRegionTexels, kSamples);
+            PictureRegion region{settings.regions[r].name, std::vector<uint8_t>(shown.mask.size())};
+            for (size_t p = 0; p < shown.mask.size(); ++p)
+                region.pixels[p] = shown.rgb[3 * p] > .99f;  // and shows nothing else
+            regions.push_back(std::move(region));
+        }
+        metrics.figures = pictureFigures(
+            {w, h, render, target, drawing.rgb, drawing.mask, picture->mask, std::move(regions)});
         if (settings.lpips) metrics.lpips = settings.lpips->distance(render, target, w, h);
         if (settings.videoFeatures) {
             realVideo.push_back(VideoFeatures::prepare(target, w, h));

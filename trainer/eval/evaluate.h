@@ -17,6 +17,15 @@
 
 namespace doppel {
 
+// A rectangle of the atlas, which gets figures of its own in the pixels that show nothing else: a
+// print, a face.
+struct AtlasRegion {
+    std::string name;                                 // of letters, digits and underscores
+    double left = 0, top = 0, right = 1, bottom = 1;  // of the atlas, (0,0) its top left corner
+};
+// "print=.3,.2,.5,.4". InputError naming `where`.
+AtlasRegion atlasRegion(std::string_view text, std::string_view where);
+
 struct EvaluateSettings {
     // A folder for a report (trainer/eval/report.h); empty: none.
     std::filesystem::path pictures;
@@ -28,7 +37,8 @@ struct EvaluateSettings {
     std::string background = "frame";
     // The capture whose frames the plate is made of; null: the one that is evaluated.
     const Capture* plateOf = nullptr;
-    Lpips* lpips = nullptr;  // null: left out
+    std::vector<AtlasRegion> regions = {};  // beside the head
+    Lpips* lpips = nullptr;                 // null: left out
     VideoFeatures* videoFeatures = nullptr;
 };
 

@@ -53,8 +53,8 @@ double meanDifference(std::span<const float> a, std::span<const float> b);
 FrameMetrics meanMetrics(std::span<const FrameMetrics> frames);
 
 // One object: frames (their number), iou, psnr_body, psnr_frame, ssim_body, ssim_frame, mse_frame,
-// lpips and figures where they were measured, `more` (null where there is no figure), settings (the given pairs in
-// order, each name once), remarks where there are any, per_frame where asked for.
+// lpips and figures where they were measured, `more` (null where there is no figure), settings (the
+// given pairs in order, each name once), remarks where there are any, per_frame where asked for.
 std::string metricsJson(std::span<const FrameMetrics> frames,
                         const std::vector<std::pair<std::string, std::string>>& settings,
                         bool perFrame = false,

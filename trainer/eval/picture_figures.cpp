@@ -47,28 +47,30 @@ public:
         all.emplace_back("psnr_interior", psnr(isInterior));
         all.emplace_back("sharpness_interior", sharpness(isInterior));
         all.emplace_back("psnr_white", psnrOnWhite());
-        const PixelRect& r = p_.head;
-        if (r.x0 >= r.x1 || r.y0 >= r.y1) return all;
-        auto inHead = [&](size_t i) {
-            const int x = int(i % size_t(w_)), y = int(i / size_t(w_));
-            return x >= r.x0 && x < r.x1 && y >= r.y0 && y < r.y1;
-        };
-        auto shown = [&](size_t i) { return inHead(i) && (inMask_[i] || inRender_[i]); };
-        auto inside = [&](size_t i) { return inHead(i) && near[i] > 0; };
-        all.emplace_back("psnr_head", psnr(shown));
-        const std::vector<double> map = ssimMap(p_.rendered, p_.frame, w_, h_);
-        all.emplace_back("ssim_head", mean(
-                                          shown, [&](size_t i) { return map[i]; }, 1));
-        all.emplace_back("sharpness_head", sharpness(inside));
-        all.emplace_back("similarity_head",
-                         mean(
-                             inside,
-                             [&](size_t i) {
-                                 const double a = slopeRender_[i], b = slopeFrame_[i];
-                                 return (2 * a * b + kSimilarity) / (a * a + b * b + kSimilarity);
-                             },
-                             1));
-        all.emplace_back("correlation_head", correlation(inside));
+        std::vector<double> map;
+        for (const PictureRegion& region : p_.regions) {
+            if (std::ranges::count(region.pixels, uint8_t{1}) == 0) continue;
+            if (map.empty()) map = ssimMap(p_.rendered, p_.frame, w_, h_);
+            auto within = [&](size_t i) { return region.pixels[i] != 0; };
+            auto shown = [&](size_t i) { return within(i) && (inMask_[i] || inRender_[i]); };
+            auto inside = [&](size_t i) { return within(i) && near[i] > 0; };
+            auto add = [&](const char* figure, double value) {
+                all.emplace_back(std::string(figure) + "_" + region.name, value);
+            };
+            add("psnr", psnr(shown));
+            add("ssim", mean(
+                            shown, [&](size_t i) { return map[i]; }, 1));
+            add("sharpness", sharpness(inside));
+            add("similarity", mean(
+                                  inside,
+                                  [&](size_t i) {
+                                      const double a = slopeRender_[i], b = slopeFrame_[i];
+                                      return (2 * a * b + kSimilarity) /
+                                             (a * a + b * b + kSimilarity);
+                                  },
+                                  1));
+            add("correlation", correlation(inside));
+        }
         return all;
     }
 
@@ -207,6 +209,16 @@ private:
 };
 
 }  // namespace
+
+PictureRegion regionOf(std::string name, const PixelRect& rect, int width, int height) {
+    PictureRegion region{std::move(name), std::vector<uint8_t>(static_cast<size_t>(width) *
+                                                               static_cast<size_t>(height))};
+    for (int y = std::max(0, rect.y0); y < std::min(rect.y1, height); ++y)
+        for (int x = std::max(0, rect.x0); x < std::min(rect.x1, width); ++x)
+            region.pixels[static_cast<size_t>(y) * static_cast<size_t>(width) +
+                          static_cast<size_t>(x)] = 1;
+    return region;
+}
 
 Figures pictureFigures(const PictureFigures& picture) { return Comparison(picture).figures(); }
 
