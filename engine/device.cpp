@@ -329,6 +329,7 @@ VkFence Device::newFence() {
 }
 
 void Device::submit(std::span<const VkCommandBuffer> commands, VkFence fence) {
+    ++submissions_;
     VK_CHECK(vkResetFences(device_, 1, &fence));
     for (const VkCommandBuffer& one : commands) {
         VkSubmitInfo info{VK_STRUCTURE_TYPE_SUBMIT_INFO};

@@ -82,6 +82,8 @@ public:
     // One after the other; the fence is of the last.
     void submit(std::span<const VkCommandBuffer> commands, VkFence fence);
     void wait(VkFence fence);
+    // How often submit() was called.
+    uint64_t submissions() const { return submissions_; }
     // Records transfers with the given function, submits, waits.
     void runOnce(const std::function<void(VkCommandBuffer)>& record);
 
@@ -103,6 +105,7 @@ private:
     Precision precision_ = Precision::Single;
     std::optional<MatrixShape> matrixUnits_;
     double timestampPeriod_ = 1, secondsPerSubmit_ = 1;
+    uint64_t submissions_ = 0;
     std::map<std::pair<std::string, Specialisation>, std::unique_ptr<Kernel>, std::less<>> kernels_;
 };
 

@@ -12,6 +12,7 @@
 #include <cmath>
 #include <functional>
 #include <numbers>
+#include <set>
 #include <string_view>
 #include <thread>
 
@@ -825,6 +826,125 @@ TEST_F(ViewerTest, DrawsWhatRenderDraws) {
         EXPECT_GT(covered, 4000);
         EXPECT_LE(worst, 3) << f;
     }
+}
+
+// Shifts that leave no stretch of the pixel out, and add up to nothing after every second one.
+TEST_F(ViewerTest, RefinementsCoverThePixelEvenly) {
+    std::set<int> columns, rows, squares;
+    glm::dvec2 sum(0);
+    for (int k = 0; k < kRefinements; ++k) {
+        glm::dvec2 shift = refinementShift(k), unit = shift + 0.5;
+        columns.insert(static_cast<int>(16 * unit.x));
+        rows.insert(static_cast<int>(16 * unit.y));
+        squares.insert(static_cast<int>(4 * unit.x) + 4 * static_cast<int>(4 * unit.y));
+        sum += shift;
+        if (k == 0) {
+            EXPECT_LT(glm::length(shift), 0.05);
+        }
+        if (k % 2 == 1) {
+            EXPECT_EQ(glm::length(sum), 0) << k;
+        }
+    }
+    for (const std::set<int>& seen : {columns, rows, squares}) {
+        EXPECT_EQ(seen.size(), 16u);
+        EXPECT_EQ(*seen.begin(), 0);
+        EXPECT_EQ(*seen.rbegin(), 15);
+    }
+}
+
+TEST_F(ViewerTest, WhatIsAddedUpIsTheMeanOfTheSinglePictures) {
+    Device device;
+    Avatar avatar = readAvatar(*folder_ / "avatar");
+    std::vector<float> dark = avatar.texture;
+    for (float& value : dark) value *= 0.4f;
+    Motion motion = turningMotion(2);
+    const Camera camera{300, 300, 128, 120, 256, 240};
+    std::vector<uint32_t> background(256 * 240);
+    for (size_t i = 0; i < background.size(); ++i)
+        background[i] = 0xff000000u | static_cast<uint32_t>(i * 2654435761u >> 8 & 0xffffff);
+    Scene scene(device, avatar), single(device, avatar);
+    auto expectMean = [&](const std::vector<std::array<int, 3>>& sums, int count,
+                          const std::vector<uint32_t>& mean) {
+        double worst = 0;
+        for (size_t i = 0; i < mean.size(); ++i)
+            for (size_t c = 0; c < 3; ++c)
+                worst = std::max(worst, std::abs(static_cast<double>(sums[i][c]) / count -
+                                                 (mean[i] >> 8 * c & 0xff)));
+        EXPECT_LE(worst, 0.501) << count;
+    };
+    ShadeOptions options;
+    options.lit = options.wireframe = options.blueFirst = true;
+    // Side by side, as two panes are, with nothing between them but their places; then anew in
+    // another pose.
+    for (size_t pose : {0, 1}) {
+        scene.setPose(motion.theta[pose], motion.trans[pose], avatar.betas);
+        single.setPose(motion.theta[pose], motion.trans[pose], avatar.betas);
+        std::vector<std::array<int, 3>> sums[2];
+        std::vector<uint32_t> means[2];
+        for (int k = 0; k < kRefinements; ++k)
+            for (int place : {0, 1}) {
+                for (Scene* with : {&scene, &single})
+                    with->setTexture(place ? dark : avatar.texture);
+                Camera shifted = camera;
+                shifted.cx += refinementShift(k).x, shifted.cy += refinementShift(k).y;
+                std::vector<uint32_t> one =
+                    single.draw(MeshKind::Refined, shifted, {}, options, background);
+                if (k == 0) sums[place].resize(one.size());
+                for (size_t i = 0; i < one.size(); ++i)
+                    for (size_t c = 0; c < 3; ++c)
+                        sums[place][i][c] += static_cast<int>(one[i] >> 8 * c & 0xff);
+                means[place] = scene.refine(MeshKind::Refined, camera, {}, options, background,
+                                            place, k, std::move(means[place]));
+                expectMean(sums[place], k + 1, means[place]);
+                if (k == 0) {
+                    EXPECT_EQ(means[place], one);
+                }
+            }
+        EXPECT_NE(means[0], means[1]);
+    }
+}
+
+// The picture becomes finer turn by turn once all is at rest; then the device has nothing to do.
+TEST_F(ViewerTest, BecomesFinerAtRestAndThenStops) {
+    Viewer& viewer = open();
+    viewer.settings().joints = false;
+    auto turnUntilRefined = [&](int count) {
+        for (int i = 0; i < 2000 && viewer.refinements() != count; ++i) viewer.frame();
+        ASSERT_EQ(viewer.refinements(), count);
+    };
+    auto expectAnew = [&](const std::string& what) {
+        uint64_t pictures = viewer.pictureCount();
+        viewer.frame();
+        EXPECT_EQ(viewer.refinements(), 0) << what;
+        EXPECT_EQ(viewer.pictureCount(), pictures + 1) << what;
+        Image moving = picture();
+        turnUntilRefined(1);
+        EXPECT_LT(difference(moving, picture()), 0.003) << what;
+        turnUntilRefined(2);
+        turnUntilRefined(3);  // and is disturbed there
+    };
+    settle();
+    EXPECT_EQ(viewer.refinements(), kRefinements);
+    uint64_t submissions = viewer.device().submissions(), pictures = viewer.pictureCount();
+    rest();
+    screen_->move(20, 20);  // over nothing
+    rest();
+    EXPECT_EQ(viewer.device().submissions(), submissions);
+    EXPECT_EQ(viewer.pictureCount(), pictures);
+    EXPECT_EQ(viewer.refinements(), kRefinements);
+
+    viewer.camera().yaw = 0.3;
+    expectAnew("the camera");
+    Pose pose = viewer.editor().pose();
+    pose.rotation[joint::kHead] = {0, 0.25, 0};
+    viewer.editor().setPose(pose);
+    expectAnew("the pose");
+    viewer.settings().lit = true;
+    expectAnew("the light");
+    viewer.settings().split = Split::Meshes;
+    expectAnew("two panes");
+    settle();
+    EXPECT_EQ(viewer.refinements(), kRefinements);
 }
 
 // The window compiles no shader, so the widest vectors do not harm it (viewer/swapchain.h).

@@ -147,10 +147,14 @@ ShadeOptions Viewer::shadeOptions(const Pane& pane) const {
 
 Viewer::Shown Viewer::wanted() const {
     ViewTransform from = view();
-    // Finer once the mouse rests.
-    return {editor_->pose(),  editor_->betas(),     settings_, from.rotation,
-            from.translation, cameraOf(panes_[0]),  panes_,    textureVersion_,
-            backdropVersion_, interacting() ? 1 : 2};
+    return {editor_->pose(), editor_->betas(), settings_,
+            from.rotation,   from.translation, cameraOf(panes_[0]),
+            panes_,          textureVersion_,  backdropVersion_};
+}
+
+// Whether the picture becomes finer: the mouse rests, and there is something to be gained.
+bool Viewer::refines() const {
+    return shown_ && !panes_.empty() && !film_ && !interacting() && refinements_ < kRefinements;
 }
 
 void Viewer::updatePictures() {
@@ -163,10 +167,20 @@ void Viewer::updatePictures() {
                     shown_->rotation == now.rotation && shown_->translation == now.translation &&
                     shown_->camera == now.camera && shown_->panes == now.panes;
     if (!sameView) ++viewVersion_;
-    if (shown_) {
-        Shown before = *shown_;
-        before.samples = now.samples;
-        if (before == now && shown_->samples >= now.samples) return;
+    if (shown_ && *shown_ == now) {
+        if (!refines()) return;
+        // A film that was given up may have left another.
+        scene_->setPose(thetaOf(now.pose), transOf(now.pose), now.betas);
+        for (size_t i = 0; i < panes_.size(); ++i) {
+            const Pane& pane = panes_[i];
+            useTexture(pane.texture);
+            pixels_[i] = scene_->refine(pane.mesh, cameraOf(pane), view(), shadeOptions(pane),
+                                        backgroundOf(pane), static_cast<int>(i), refinements_,
+                                        std::move(pixels_[i]));
+        }
+        ++refinements_;
+        framesToDraw_ = std::max(framesToDraw_, 1);
+        return;
     }
 
     auto before = Clock::now();
@@ -179,10 +193,11 @@ void Viewer::updatePictures() {
         const Pane& pane = panes_[i];
         useTexture(pane.texture);
         pixels_[i] = scene_->draw(pane.mesh, cameraOf(pane), view(), shadeOptions(pane),
-                                  backgroundOf(pane), now.samples, std::move(pixels_[i]));
+                                  backgroundOf(pane), 1, std::move(pixels_[i]));
     }
     times_.draw = milliseconds(Clock::now() - before);
     shown_ = std::move(now);
+    refinements_ = 0;
     ++pictures_;
     framesToDraw_ = std::max(framesToDraw_, 1);
 }

@@ -42,8 +42,7 @@ struct Scene::Posing {
         theta = graph.input({kThetaSize});
         trans = graph.input({3});
         beta = graph.input({10});
-        Tensor rest =
-            graph.constant(body.restVertices(), {body.vertexCount, 3});
+        Tensor rest = graph.constant(body.restVertices(), {body.vertexCount, 3});
         LbsModel skin = lbsModel(graph, body);
         Tensor posed;
         if (kind == MeshKind::Refined) {
@@ -98,7 +97,8 @@ struct Scene::Posing {
 // One size and kind of picture.
 struct Scene::Drawing {
     Graph graph;
-    Tensor rotation, translation, camera, state, background, picture;
+    Tensor rotation, translation, camera, state, background, picture, count;
+    int taken = 0;                // refinements that are in the mean
     std::vector<int32_t> behind;  // as written to background
     std::vector<uint32_t> drawn;  // as read from picture
 
@@ -156,6 +156,18 @@ struct Scene::Drawing {
             graph.dispatch("view/shade.inset",
                            {{"tex", tex}, {"visibility", map}, {"picture", picture}}, params,
                            uint64_t{u32(key.inset)} * u32(key.inset), spec);
+        if (key.place != kNoPlace) {
+            count = graph.input({1});
+            Tensor sums = graph.temporary({3, key.height, key.width});
+            graph.keep(sums);
+            Tensor mean = graph.temporary(picture.shape, ElementType::I32);
+            AccumulateParams all{u32(picture.elements())};
+            graph.beginOp("accumulate");
+            graph.dispatch("view/accumulate.forward",
+                           {{"taken", count}, {"picture", picture}, {"sums", sums}, {"mean", mean}},
+                           all, all.pixels);
+            picture = mean;
+        }
         graph.output(picture);
         graph.compile();
     }
@@ -249,13 +261,24 @@ Scene::Drawing& Scene::drawing(const DrawingKey& key, const Posing& posing) {
     return *drawings_.front().second;
 }
 
-namespace {
-
-struct Rectangle {
+struct PixelBox {
     int x = 0, y = 0, width = 0, height = 0;
 
     int64_t area() const { return int64_t{width} * height; }
 };
+
+glm::dvec2 refinementShift(int refinement) {
+    static_assert(kRefinements == 16);
+    // Points k and 15 - k of the set mirror each other; the sixteenths are renumbered so that the
+    // first two are in the middle.
+    int k = refinement / 2;
+    if (refinement % 2 == 1) k = 15 - k;
+    int reversed = (k & 1) << 3 | (k & 2) << 1 | (k & 4) >> 1 | (k & 8) >> 3;
+    auto place = [](int sixteenth) { return ((sixteenth ^ 8) + 0.5) / 16 - 0.5; };
+    return {place(reversed), place(k)};
+}
+
+namespace {
 
 // Where vertices are on a picture; everywhere where one of them is behind the camera.
 struct Bounds {
@@ -275,7 +298,7 @@ struct Bounds {
 };
 
 // The pixels that the bounds touch, grown to a grid so that few sizes occur.
-Rectangle around(const Bounds& bounds, const Camera& camera) {
+PixelBox around(const Bounds& bounds, const Camera& camera) {
     constexpr int kGrid = 64;
     auto range = [](double low, double high, int size) {
         int begin =
@@ -290,6 +313,34 @@ Rectangle around(const Bounds& bounds, const Camera& camera) {
     auto [x, width] = range(bounds.left, bounds.right, camera.width);
     auto [y, height] = range(bounds.top, bounds.bottom, camera.height);
     return {x, y, width, height};
+}
+
+int insetOf(const ShadeOptions& options, const Camera& camera) {
+    return std::clamp(options.inset, 0, std::min(camera.width, camera.height));
+}
+
+bool needsNormals(const ShadeOptions& options) {
+    return options.lit || options.paint == kPaintClay || options.paint == kPaintNormals ||
+           options.paint == kPaintParts || options.paint == kPaintClamps;
+}
+
+// Where something is drawn: around the avatar, or everywhere for an atlas in the corner.
+PixelBox boxOf(std::span<const float> verts, const Camera& camera, const ViewTransform& view,
+               const ShadeOptions& options) {
+    if (insetOf(options, camera) > 0) return {0, 0, camera.width, camera.height};
+    Bounds bounds;
+    for (size_t i = 0; i < verts.size(); i += 3) bounds.add(&verts[i], camera, view);
+    return around(bounds, camera);
+}
+
+// Pixels of R, G, B, A as the picture has them.
+void copyPixels(std::span<const uint32_t> from, uint32_t* to, bool blueFirst) {
+    if (!blueFirst) {
+        std::ranges::copy(from, to);
+        return;
+    }
+    for (uint32_t word : from)
+        *to++ = (word & 0xff00ff00u) | (word & 0xffu) << 16 | (word >> 16 & 0xffu);
 }
 
 // Of the faces with a vertex that is not where it was, before and now; rings: 2 takes the faces
@@ -335,29 +386,19 @@ std::vector<uint32_t> Scene::draw(MeshKind mesh, const Camera& camera, const Vie
                                   const ShadeOptions& options, std::span<const uint32_t> background,
                                   int samples, std::vector<uint32_t> reused) {
     if (!hasRefinedMesh()) mesh = MeshKind::Body;
-    Posing& posing = posed(mesh);
-    const std::vector<float>& verts = posing.hostVerts;
+    const std::vector<float>& verts = posed(mesh).hostVerts;
     const auto width = static_cast<size_t>(camera.width);
-    const int inset = std::clamp(options.inset, 0, std::min(camera.width, camera.height));
-    const bool shaped = options.paint == kPaintClay || options.paint == kPaintNormals ||
-                        options.paint == kPaintParts || options.paint == kPaintClamps;
-    const bool needsNormals = shaped || options.lit;
     std::vector<uint32_t> picture = std::move(reused);
-    Rectangle box{0, 0, camera.width, camera.height}, whole = box;
-    if (inset == 0) {
-        Bounds bounds;
-        for (size_t i = 0; i < verts.size(); i += 3) bounds.add(&verts[i], camera, view);
-        box = whole = around(bounds, camera);
-    }
+    PixelBox whole = boxOf(verts, camera, view, options), box = whole;
     // What a pixel of the visibility map shows depends on faces elsewhere.
     bool onLast = drawn_ && drawn_->pixels == picture.data() && drawn_->mesh == mesh &&
                   drawn_->camera == camera && drawn_->view == view && drawn_->options == options &&
                   drawn_->samples == samples && drawn_->textureVersion == textureVersion_ &&
-                  inset == 0 && options.paint != kPaintVisibility &&
+                  insetOf(options, camera) == 0 && options.paint != kPaintVisibility &&
                   std::ranges::equal(drawn_->background, background);
     if (onLast) {
-        box = around(boundsOfMoved(drawn_->verts, verts, avatar_.body.faces, needsNormals ? 2 : 1,
-                                   camera, view),
+        box = around(boundsOfMoved(drawn_->verts, verts, avatar_.body.faces,
+                                   needsNormals(options) ? 2 : 1, camera, view),
                      camera);
         // Where nearly all has moved, the size that there is already.
         if (4 * box.area() > 3 * whole.area()) {
@@ -365,65 +406,17 @@ std::vector<uint32_t> Scene::draw(MeshKind mesh, const Camera& camera, const Vie
             onLast = false;
         }
     }
-    if (!onLast) picture.resize(background.size());
-    auto copyBackground = [&](size_t first, size_t count) {
-        if (!options.blueFirst) {
-            std::copy_n(&background[first], count, &picture[first]);
-            return;
-        }
-        for (size_t i = first; i < first + count; ++i) {
-            uint32_t word = background[i];
-            picture[i] = (word & 0xff00ff00u) | (word & 0xffu) << 16 | (word >> 16 & 0xffu);
-        }
-    };
-    auto placeOf = [&](int y) {
-        return static_cast<size_t>(box.y + y) * width + static_cast<size_t>(box.x);
-    };
-    const auto wide = static_cast<size_t>(box.width);
-    if (onLast)
-        for (int y = 0; y < box.height; ++y) copyBackground(placeOf(y), wide);
-    else
-        copyBackground(0, picture.size());
-
-    if (box.area() > 0) {
-        if (needsNormals) posing.findNormals();
-        Drawing& d = drawing({mesh, box.width, box.height, samples, options.paint, options.lit,
-                              options.wireframe, options.blueFirst, inset},
-                             posing);
-        auto f = [](double value) { return static_cast<float>(value); };
-        glm::dvec3 light = glm::normalize(options.light);
-        const glm::dmat3& r = view.rotation;  // columns first
-        std::array<float, sizeof(ShadeState) / 4> state{
-            f(options.ambient), f(light.x), f(light.y), f(light.z), f(r[0][0]),
-            f(r[1][0]),         f(r[2][0]), f(r[0][1]), f(r[1][1]), f(r[2][1]),
-            f(r[0][2]),         f(r[1][2]), f(r[2][2])};
-        d.graph.write(d.state, std::span<const float>(state));
-        std::array<float, 3> turn = axisAngle(view.rotation);
-        std::array<float, 3> shift{f(view.translation.x), f(view.translation.y),
-                                   f(view.translation.z)};
-        d.graph.write(d.rotation, std::span<const float>(turn));
-        d.graph.write(d.translation, std::span<const float>(shift));
-        RasterCamera raster = rasterCamera(camera);
-        raster.fx *= f(samples), raster.fy *= f(samples);
-        raster.cx = f(samples * (camera.cx - box.x)), raster.cy = f(samples * (camera.cy - box.y));
-        d.graph.write(d.camera, cameraValues(raster));
-        auto pixels = static_cast<size_t>(box.area());
-        bool changed = d.behind.size() != pixels;
-        d.behind.resize(pixels);
-        d.drawn.resize(pixels);
+    if (onLast) {
         for (int y = 0; y < box.height; ++y) {
-            int32_t* known = &d.behind[static_cast<size_t>(y) * wide];
-            const uint32_t* now = &picture[placeOf(y)];
-            if (std::memcmp(known, now, 4 * wide) == 0) continue;
-            std::memcpy(known, now, 4 * wide);
-            changed = true;
+            size_t at = static_cast<size_t>(box.y + y) * width + static_cast<size_t>(box.x);
+            copyPixels(background.subspan(at, static_cast<size_t>(box.width)), &picture[at],
+                       options.blueFirst);
         }
-        if (changed) d.graph.write(d.background, d.behind);
-        d.graph.run();
-        d.graph.read(d.picture, std::span(d.drawn));
-        for (int y = 0; y < box.height; ++y)
-            std::copy_n(&d.drawn[static_cast<size_t>(y) * wide], wide, &picture[placeOf(y)]);
+    } else {
+        picture.resize(background.size());
+        copyPixels(background, picture.data(), options.blueFirst);
     }
+    drawBox(box, mesh, camera, view, options, samples, picture);
     if (!drawn_) drawn_ = std::make_unique<Drawn>();
     if (!onLast) drawn_->background.assign(background.begin(), background.end());
     drawn_->mesh = mesh;
@@ -435,6 +428,76 @@ std::vector<uint32_t> Scene::draw(MeshKind mesh, const Camera& camera, const Vie
     drawn_->verts = verts;
     drawn_->pixels = picture.data();
     return picture;
+}
+
+std::vector<uint32_t> Scene::refine(MeshKind mesh, const Camera& camera, const ViewTransform& view,
+                                    const ShadeOptions& options,
+                                    std::span<const uint32_t> background, int place, int refinement,
+                                    std::vector<uint32_t> reused) {
+    if (!hasRefinedMesh()) mesh = MeshKind::Body;
+    std::vector<uint32_t> picture = std::move(reused);
+    picture.resize(background.size());
+    copyPixels(background, picture.data(), options.blueFirst);
+    // Of the camera that is not shifted, so that all are of one size; it has a pixel to spare.
+    PixelBox box = boxOf(posed(mesh).hostVerts, camera, view, options);
+    drawBox(box, mesh, camera, view, options, 1, picture, place, refinement);
+    drawn_.reset();  // a part of a mean cannot be drawn again
+    return picture;
+}
+
+void Scene::drawBox(const PixelBox& box, MeshKind mesh, const Camera& camera,
+                    const ViewTransform& view, const ShadeOptions& options, int samples,
+                    std::vector<uint32_t>& picture, int place, int refinement) {
+    if (box.area() == 0) return;
+    Posing& posing = posed(mesh);
+    if (needsNormals(options)) posing.findNormals();
+    Drawing& d = drawing({place, mesh, box.width, box.height, samples, options.paint, options.lit,
+                          options.wireframe, options.blueFirst, insetOf(options, camera)},
+                         posing);
+    auto f = [](double value) { return static_cast<float>(value); };
+    glm::dvec3 light = glm::normalize(options.light);
+    const glm::dmat3& r = view.rotation;  // columns first
+    std::array<float, sizeof(ShadeState) / 4> state{
+        f(options.ambient), f(light.x), f(light.y), f(light.z), f(r[0][0]), f(r[1][0]), f(r[2][0]),
+        f(r[0][1]),         f(r[1][1]), f(r[2][1]), f(r[0][2]), f(r[1][2]), f(r[2][2])};
+    d.graph.write(d.state, std::span<const float>(state));
+    std::array<float, 3> turn = axisAngle(view.rotation);
+    std::array<float, 3> shift{f(view.translation.x), f(view.translation.y), f(view.translation.z)};
+    d.graph.write(d.rotation, std::span<const float>(turn));
+    d.graph.write(d.translation, std::span<const float>(shift));
+    glm::dvec2 centre(camera.cx - box.x, camera.cy - box.y);
+    if (place != kNoPlace) {
+        CHECK(refinement == 0 || d.taken == refinement, "refinement {} follows {}", refinement,
+              d.taken);
+        d.taken = refinement + 1;
+        centre += refinementShift(refinement);
+        d.graph.write(d.count, std::vector<float>{static_cast<float>(d.taken)});
+    }
+    RasterCamera raster = rasterCamera(camera);
+    raster.fx *= f(samples), raster.fy *= f(samples);
+    raster.cx = f(samples * centre.x), raster.cy = f(samples * centre.y);
+    d.graph.write(d.camera, cameraValues(raster));
+
+    const auto width = static_cast<size_t>(camera.width), wide = static_cast<size_t>(box.width);
+    auto placeOf = [&](int y) {
+        return static_cast<size_t>(box.y + y) * width + static_cast<size_t>(box.x);
+    };
+    auto pixels = static_cast<size_t>(box.area());
+    bool changed = d.behind.size() != pixels;
+    d.behind.resize(pixels);
+    d.drawn.resize(pixels);
+    for (int y = 0; y < box.height; ++y) {
+        int32_t* known = &d.behind[static_cast<size_t>(y) * wide];
+        const uint32_t* now = &picture[placeOf(y)];
+        if (std::memcmp(known, now, 4 * wide) == 0) continue;
+        std::memcpy(known, now, 4 * wide);
+        changed = true;
+    }
+    if (changed) d.graph.write(d.background, d.behind);
+    d.graph.run();
+    d.graph.read(d.picture, std::span(d.drawn));
+    for (int y = 0; y < box.height; ++y)
+        std::copy_n(&d.drawn[static_cast<size_t>(y) * wide], wide, &picture[placeOf(y)]);
 }
 
 std::vector<float> Scene::vertices(MeshKind mesh) { return posed(mesh).hostVerts; }

@@ -40,6 +40,16 @@ struct ShadeOptions {
     bool operator==(const ShadeOptions&) const = default;
 };
 
+struct PixelBox;
+
+// A resting scene is seen through this many cameras, each shifted by parts of a pixel.
+constexpr int kRefinements = 16;
+// The shift of one of them, pixels, each in (-1/2, 1/2). They are the Hammersley set of 16 points:
+// every sixteenth of a pixel holds one, across as well as down, and each of its four by four
+// squares. A point and its mirror follow one another, so that what has been added up is centred and
+// the picture does not wander while it becomes finer; the first is the centre but for 1/32.
+glm::dvec2 refinementShift(int refinement);
+
 class Scene {
 public:
     // The avatar outlives the scene.
@@ -64,6 +74,14 @@ public:
                                const ShadeOptions& options, std::span<const uint32_t> background,
                                int samples = 1, std::vector<uint32_t> reused = {});
 
+    // The mean of what the cameras of refinements 0 to `refinement` see, with one sample per pixel
+    // each. They are asked for in their order, with everything else the same; 0 begins anew. place:
+    // a number per picture that is refined at one time. reused: what the one before returned, for
+    // the memory.
+    std::vector<uint32_t> refine(MeshKind mesh, const Camera& camera, const ViewTransform& view,
+                                 const ShadeOptions& options, std::span<const uint32_t> background,
+                                 int place, int refinement, std::vector<uint32_t> reused = {});
+
     // [V,3] as it is posed now: world, and camera space.
     std::vector<float> vertices(MeshKind mesh);
     std::vector<float> vertices(MeshKind mesh, const ViewTransform& view);
@@ -78,6 +96,7 @@ private:
     Buffer texture_;
     std::map<MeshKind, std::unique_ptr<Posing>> posings_;
     struct DrawingKey {
+        int place;  // of refine(), or kNoPlace: of draw()
         MeshKind mesh;
         int width, height, samples;
         uint32_t paint;
@@ -85,7 +104,12 @@ private:
         int inset;
         bool operator==(const DrawingKey&) const = default;
     };
+    static constexpr int kNoPlace = -1;
     Drawing& drawing(const DrawingKey& key, const Posing& posing);
+    // Draws this part of the picture, where the background is.
+    void drawBox(const PixelBox& box, MeshKind mesh, const Camera& camera,
+                 const ViewTransform& view, const ShadeOptions& options, int samples,
+                 std::vector<uint32_t>& picture, int place = kNoPlace, int refinement = 0);
     // The ones used last, the latest first.
     std::list<std::pair<DrawingKey, std::unique_ptr<Drawing>>> drawings_;
     // What the last picture was made of.

@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr double kSettleSeconds = 0.15;  // without input, before pictures are made finer
+constexpr double kSettleSeconds = 0.15;  // without input, before the picture becomes finer
 
 double milliseconds(std::chrono::steady_clock::duration passed) {
     return std::chrono::duration<double, std::milli>(passed).count();
@@ -126,7 +126,8 @@ bool Viewer::interacting() const {
 }
 
 bool Viewer::settled() const {
-    bool pictured = panes_.empty() || (shown_ && *shown_ == wanted());
+    bool pictured =
+        panes_.empty() || (shown_ && *shown_ == wanted() && refinements_ == kRefinements);
     return pictured && !interacting() && !painter_->busy() && framesToDraw_ == 0 && !working();
 }
 
@@ -141,6 +142,7 @@ bool Viewer::frame() {
     bool rests = settled();
     // What comes from threads wakes the window.
     double wait = rests || painter_->busy() ? 0.25 : interacting() && !playing_ ? 0.02 : 0;
+    if (refines()) wait = 0;
     if (framesToDraw_ > 0 || playing_ || working()) wait = 0;
     if (!drawable_) wait = working() ? 0.01 : 0.25;
     drawable_ = window_.begin(wait);

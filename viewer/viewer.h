@@ -96,10 +96,15 @@ public:
     // Of the shape that is set.
     const Skeleton& skeleton() const;
     std::optional<size_t> selected() const { return selected_; }
-    // Nothing is being computed, and the picture shows what is set.
+    // Nothing is being computed, and the picture shows what is set, as fine as it becomes.
     bool settled() const;
     const std::string& message() const { return message_; }
+    // Pictures of something else than the one before.
     uint64_t pictureCount() const { return pictures_; }
+    // How many refinements the picture is the mean of, of kRefinements; 0: drawn while it moved.
+    int refinements() const { return refinements_; }
+    // What has computed pictures so far; for tests.
+    const Device& device() const { return device_; }
     int64_t frameCount() const;  // of the timeline
     double timeline() const { return timeline_; }
     // Milliseconds of the latest picture's stages.
@@ -133,7 +138,6 @@ private:
         Camera camera{};
         std::vector<Pane> panes;
         uint64_t textures = 0, backdrop = 0;
-        int samples = 0;
         bool operator==(const Shown&) const = default;
     };
 
@@ -166,6 +170,7 @@ private:
     ShadeOptions shadeOptions(const Pane& pane) const;
     Shown wanted() const;
     void updatePictures();
+    bool refines() const;
     void useTexture(TextureKind kind);
     void updateTextures();
 
@@ -217,6 +222,7 @@ private:
     std::vector<std::vector<uint32_t>> pixels_;  // per pane
     std::optional<Shown> shown_;
     uint64_t pictures_ = 0;
+    int refinements_ = 0;
     Times times_;
     Clock::time_point lastTouched_{}, lastFrame_{};
     int framesToDraw_ = 3;

@@ -11,6 +11,9 @@ struct ShadeParams {
     uint blueFirst;  // 1: bytes of a pixel are B, G, R, A
     Divisor byWidth;
 };
+struct AccumulateParams {
+    uint pixels;
+};
 // What the surface is painted with.
 const uint kPaintTexture = 0;
 const uint kPaintClay = 1;
