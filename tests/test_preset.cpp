@@ -103,15 +103,15 @@ TEST(Presets, HelpListsEveryNumberWithItsValuesRangeAndMeaning) {
     auto lineOf = [&](const std::string& name) {
         std::vector<std::string> words;
         std::istringstream line(help.substr(help.find("\n" + name + " ") + 1));
-        for (std::string word; words.size() < 7 && line >> word;) words.push_back(word);
+        for (std::string word; words.size() < 8 && line >> word;) words.push_back(word);
         return fmt::format("{}", fmt::join(words, " "));
     };
-    EXPECT_EQ(lineOf("mesh.batch"), "mesh.batch 1 1 4 1 to 256");
-    EXPECT_EQ(lineOf("mesh.lr"), "mesh.lr 0.0005 0.0005 0.0001 0 to 10");
+    EXPECT_EQ(lineOf("mesh.batch"), "mesh.batch 1 1 1 4 1 to 256");
+    EXPECT_EQ(lineOf("mesh.lr"), "mesh.lr 0.0005 0.0005 0.0005 0.0001 0 to 10");
     EXPECT_EQ(lineOf("texture.region"),
-              "texture.region intersection intersection union union or "
+              "texture.region intersection intersection intersection union union or "
               "intersection");
-    EXPECT_EQ(lineOf("mesh.steps"), "mesh.steps 100 300 0 0 or more");
+    EXPECT_EQ(lineOf("mesh.steps"), "mesh.steps 100 300 1000 0 0 or more");
 }
 
 }  // namespace
