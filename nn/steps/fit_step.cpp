@@ -25,7 +25,7 @@ std::vector<float> jointWeights(bool coloured) {
     };
     set({joint::kSpine1, joint::kSpine2, joint::kSpine3}, coloured ? 2.0f : 4.0f);
     set({joint::kLeftCollar, joint::kRightCollar}, 2);
-    set({joint::kNeck, joint::kHead}, coloured ? 4.0f : 400.0f);
+    set({joint::kNeck, joint::kHead}, coloured ? 4.0f : 100.0f);
     set({joint::kLeftWrist, joint::kRightWrist}, 4);
     set({joint::kLeftFoot, joint::kRightFoot, joint::kLeftHand, joint::kRightHand}, 20);
     return weights;
