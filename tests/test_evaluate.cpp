@@ -128,9 +128,10 @@ TEST_F(Evaluate, PicturesFindPoses) {
     auto psnr = [&](const Capture& capture) {
         return meanMetrics(evaluateCapture(testDevice(), avatar, capture).frames).psnrBody;
     };
-    Capture outlines = lost, colours = lost;
-    fitTestPoses(testDevice(), avatar, outlines, TestPoses::Masks, 1);
-    fitTestPoses(testDevice(), avatar, colours, TestPoses::Pictures, 1);
+    Capture outlines = lost;
+    fitPosesToMasks(testDevice(), avatar, outlines, 1);
+    Capture colours = outlines;
+    fitPosesToPictures(testDevice(), avatar, colours, 1);
     const double before = psnr(lost), byOutlines = psnr(outlines), byColours = psnr(colours);
     EXPECT_GT(byOutlines, before + 1);
     EXPECT_GT(byColours, byOutlines + .5);

@@ -11,6 +11,12 @@
 namespace doppel {
 namespace {
 
+TexturePreset texture(int size) {
+    TexturePreset preset;
+    preset.textureSize = size;
+    return preset;
+}
+
 Value scalar(double value) { return {{}, {value}}; }
 
 // ---- losses -------------------------------------------------------------------------------------
@@ -294,12 +300,12 @@ TEST(Discriminator, RefusesPicturesThatAreTooSmall) {
     preset.size = 16;
     preset.width = preset.discriminatorWidth = 1;
     preset.depth = 4;
-    expectInputError([&] { RefineNetworks(preset, 16, 1); }, "image discriminator");
+    expectInputError([&] { RefineNetworks(preset, texture(16), 1); }, "image discriminator");
     preset.size = 64;
     preset.faceSize = 8;
-    expectInputError([&] { RefineNetworks(preset, 16, 1); }, "face discriminator");
+    expectInputError([&] { RefineNetworks(preset, texture(16), 1); }, "face discriminator");
     preset.faceDiscriminator = false;
-    EXPECT_NO_THROW(RefineNetworks(preset, 16, 1));
+    EXPECT_NO_THROW(RefineNetworks(preset, texture(16), 1));
 }
 
 // ---- a training step ----------------------------------------------------------------------------
@@ -343,7 +349,7 @@ struct StepTest {
 
     explicit StepTest(const RefinePreset& p, uint32_t seed = 1)
         : preset(p),
-          networks(p, 32, seed),
+          networks(p, texture(32), seed),
           step((networks.allocate(testDevice()), testDevice()), square(), p, networks, dark(),
                {.poison = true}) {
         std::vector<float> verts{-.4f, -.4f, 1, .4f, -.4f, 1, .4f, .4f, 1, -.4f, .4f, 1};

@@ -51,6 +51,47 @@ TEST(Texture, BinomialMean) {
     }
 }
 
+// Shape [N,C r r,H,W] either way, and there and back again.
+TEST(TextureLayout, PixelShuffle) {
+    struct Case {
+        Shape coarse;
+        int64_t block;
+    };
+    for (const auto& [coarse, block] : {Case{{1, 4, 1, 1}, 2},
+                                        {{2, 12, 3, 5}, 2},
+                                        {{1, 9, 2, 4}, 3},
+                                        {{3, 2, 7, 3}, 1},
+                                        {{1, 16, 5, 13}, 4},
+                                        {{1, 8, 8, 16}, 2}}) {
+        const int64_t r = block, C = coarse[1] / r / r, H = coarse[2], W = coarse[3];
+        const Shape fine{coarse[0], C, H * r, W * r};
+        auto reference = [=](bool shuffle) {
+            return [=](const Values& v) -> Values {
+                Value y{shuffle ? fine : coarse, std::vector<double>(v.at("x").data.size())};
+                size_t at = 0;  // in `coarse`, channel by channel
+                for (int64_t n = 0; n < coarse[0]; ++n)
+                    for (int64_t c = 0; c < coarse[1]; ++c)
+                        for (int64_t h = 0; h < H; ++h)
+                            for (int64_t w = 0; w < W; ++w, ++at) {
+                                const int64_t i = c / r % r, j = c % r;
+                                const auto there = static_cast<size_t>(
+                                    ((n * C + c / r / r) * H * r + h * r + i) * W * r + w * r + j);
+                                (shuffle ? y.data[there] : y.data[at]) =
+                                    v.at("x").data[shuffle ? at : there];
+                            }
+                return {{"y", y}};
+            };
+        };
+        const std::map<std::string, double> attributes{{"block", static_cast<double>(r)}};
+        checkOp("pixel_shuffle", {.inputs = {{"x", random(coarse)}},
+                                  .attributes = attributes,
+                                  .reference = reference(true)});
+        checkOp("pixel_unshuffle", {.inputs = {{"x", random(fine)}},
+                                    .attributes = attributes,
+                                    .reference = reference(false)});
+    }
+}
+
 // Each texture of a batch hands its gradient to its own planes; one without gradient gives zeros.
 TEST(TextureLayout, BatchKeepsImagesApart) {
     Graph graph(testDevice());

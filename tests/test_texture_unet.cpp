@@ -117,14 +117,19 @@ TEST(TextureUnet, ShapesOfThePaper) {
 }
 
 // A network of zeros adds nothing to the texels that it paints over, for every map of a batch; one
-// with weights adds something, and not without bound.
-TEST(TextureUnet, PaintsOverTexels) {
+// with weights adds something, and not without bound. One that takes blocks of texels paints as
+// many.
+class PaintsOverTexels : public testing::TestWithParam<int64_t> {};
+
+TEST_P(PaintsOverTexels, AndAddsWhatItsWeightsSay) {
+    const int64_t block = GetParam();
     const Value texels = uniform({16, 16, 3}, 0, 1, 4);
     const std::vector<float> given(texels.data.begin(), texels.data.end());
     for (std::optional<uint32_t> seed : {std::optional<uint32_t>(), std::optional<uint32_t>(3)}) {
-        TextureUnet net({.size = 16, .width = 3}, "texture", seed, given);
+        TextureUnet net({.size = 16, .width = 3, .block = block}, "texture", seed, given);
         net.allocate(testDevice());
-        EXPECT_EQ(net.parameters().find("enc1.weight")->shape[1], 4);
+        EXPECT_EQ(net.config().downs, block == 1 ? 4 : 3);
+        EXPECT_EQ(net.parameters().find("enc1.weight")->shape[1], 4 * block * block);
         Graph graph(testDevice());
         Tensor maps = graph.constant(std::vector<float>(2 * 256, 1.0f), {2, 1, 16, 16});
         Tensor y = net.forward(graph, maps, {.training = true});
@@ -146,7 +151,11 @@ TEST(TextureUnet, PaintsOverTexels) {
     }
 }
 
+INSTANTIATE_TEST_SUITE_P(TextureUnet, PaintsOverTexels, testing::Values(1, 2));
+
 TEST(TextureUnet, RefusesASizeThatIsNoPowerOfTwo) {
+    expectInputError([] { TextureUnet({.size = 16, .block = 3}, "texture", 1); },
+                     "blocks of 3 do not divide a size of 16");
     expectInputError([] { TextureUnet({.size = 96}, "texture", 1); }, "do not divide a size of 96");
     TextureUnet fewer({.size = 96, .width = 2, .downs = 5}, "texture", 1);
     EXPECT_EQ(fewer.config().downs, 5);

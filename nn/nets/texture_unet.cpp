@@ -5,6 +5,7 @@
 #include "nn/core/initialise.h"
 #include "nn/ops/conv/conv.h"
 #include "nn/ops/elementwise.h"
+#include "nn/ops/texture.h"
 
 namespace doppel {
 
@@ -21,11 +22,14 @@ TextureUnet::TextureUnet(const TextureUnetConfig& config, std::string name,
                          std::optional<uint32_t> seed, std::vector<float> texels)
     : config_(config), name_(std::move(name)) {
     TextureUnetConfig& c = config_;
+    if (c.block < 1 || c.size % c.block != 0)
+        throwInput("texture network: blocks of {} do not divide a size of {}", c.block, c.size);
+    const int64_t side = c.size / c.block, blockChannels = c.block * c.block;
     if (c.downs == 0)
-        while ((int64_t{1} << c.downs) < c.size) ++c.downs;
-    if (c.downs < 2 || c.downs > 16 || c.size % (int64_t{1} << c.downs) != 0)
+        while ((int64_t{1} << c.downs) < side) ++c.downs;
+    if (c.downs < 2 || c.downs > 16 || side % (int64_t{1} << c.downs) != 0)
         throwInput("texture network: {} steps down do not divide a size of {}; use a power of two",
-                   c.downs, c.size);
+                   c.downs, side);
     if (c.width < 1 || c.inputChannels < 1 || c.outputChannels < 1)
         throwInput("texture network: width {} and channels {}, {} must be positive", c.width,
                    c.inputChannels, c.outputChannels);
@@ -39,13 +43,14 @@ TextureUnet::TextureUnet(const TextureUnetConfig& config, std::string name,
     }
     int64_t n = c.downs;
     for (int64_t i = 1; i <= n; ++i) {
-        int64_t in = i == 1 ? c.inputChannels + (texels_.empty() ? 0 : 3) : features(i - 1);
+        int64_t in = i == 1 ? blockChannels * (c.inputChannels + (texels_.empty() ? 0 : 3))
+                            : features(i - 1);
         declare(numbered("enc", i), {features(i), in, kKernel, kKernel}, i > 1 && i < n,
                 features(i), seed);
     }
     for (int64_t j = 1; j <= n; ++j) {
         int64_t in = j == 1 ? features(n) : 2 * features(n + 1 - j);
-        int64_t out = j == n ? c.outputChannels : features(n - j);
+        int64_t out = j == n ? blockChannels * c.outputChannels : features(n - j);
         declare(numbered("dec", j), {in, out, kKernel, kKernel}, j < n, out, seed);
     }
 }
@@ -121,6 +126,7 @@ Tensor TextureUnet::forward(Graph& graph, const Tensor& x, Mode mode) const {
         for (int64_t k = 1; k < x.dim(0); ++k) under = concat(graph, under, one, 0);
         h = concat(graph, under, x);
     }
+    if (c.block > 1) h = pixelUnshuffle(graph, h, c.block);
     for (int64_t i = 1; i <= n; ++i) {
         std::string layer = numbered("enc", i);
         h = conv2d(graph, h, weight(layer), bias(layer), kStride, kPadding);
@@ -139,6 +145,7 @@ Tensor TextureUnet::forward(Graph& graph, const Tensor& x, Mode mode) const {
             h = dropout(graph, h, kDropout, streamOf(name_ + "." + layer));
     }
     h = tanh(graph, h);
+    if (c.block > 1) h = pixelShuffle(graph, h, c.block);
     if (!under) return h;
     return clamp(graph, add(graph, under, scaleShift(graph, h, kTexelResidual, 0)), -1, 1);
 }

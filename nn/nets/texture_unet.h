@@ -16,6 +16,9 @@ struct TextureUnetConfig {
     int64_t width = 64;  // features of the first layer
     int64_t inputChannels = 1, outputChannels = 3;
     int64_t downs = 0;  // 0: down to one pixel
+    // Side of the blocks of pixels that the network takes as one, their pixels as channels: a
+    // network of half the size paints a texture of the whole.
+    int64_t block = 1;
 };
 
 // n steps down (4x4 convolutions of stride 2; features d, 2d, 4d, 8d, 8d, …) and n up (transposed

@@ -30,6 +30,52 @@ std::vector<Tensor> interleave(Graph& graph, const Tensor& x) {
     return textures;
 }
 
+namespace {
+
+// Both ways: `coarse` is the shape with the blocks among its channels.
+Tensor moveBlocks(Graph& graph, const char* name, const Tensor& x, const Shape& coarse,
+                  const Shape& result, int64_t block) {
+    const PixelShuffleParams params{u32(x.elements()), u32(coarse[2]), u32(coarse[3]), u32(block)};
+    const bool shuffles = x.shape == coarse;
+    auto move = [=, &graph](bool shuffle, const Tensor& from, const Tensor& to) {
+        graph.dispatch(
+            shuffle ? "texture/pixel_shuffle.shuffle" : "texture/pixel_shuffle.unshuffle",
+            {{"x", from}, {"y", to}}, params, params.n);
+    };
+    Tensor y = graph.temporary(result);
+    graph.beginOp(name);
+    move(shuffles, x, y);
+    graph.differentiate(
+        {x}, {y}, [=, &graph] { move(!shuffles, graph.gradient(y), graph.gradientTarget(x)); });
+    return y;
+}
+
+// attr_block, which has to divide the extent, or its square has to.
+int64_t blockOf(OpCall& c, int64_t extent, bool squared) {
+    const int64_t block = c.u("block");
+    if (block < 1 || block > extent || extent % (squared ? block * block : block) != 0)
+        throwInput("attr_block: expected the side of blocks that divide {}{}, found {}", extent,
+                   squared ? " channels" : " pixels", block);
+    return block;
+}
+
+}  // namespace
+
+Tensor pixelShuffle(Graph& graph, const Tensor& x, int64_t block) {
+    CHECK(x.shape.size() == 4 && block > 0 && x.dim(1) % (block * block) == 0,
+          "blocks of {} are among the channels of [N,C,H,W], not of {}", block, toString(x.shape));
+    return moveBlocks(graph, "pixel_shuffle", x, x.shape,
+                      {x.dim(0), x.dim(1) / block / block, x.dim(2) * block, x.dim(3) * block},
+                      block);
+}
+
+Tensor pixelUnshuffle(Graph& graph, const Tensor& x, int64_t block) {
+    CHECK(x.shape.size() == 4 && block > 0 && x.dim(2) % block == 0 && x.dim(3) % block == 0,
+          "blocks of {} fill the planes of [N,C,H,W], not {}", block, toString(x.shape));
+    const Shape coarse{x.dim(0), x.dim(1) * block * block, x.dim(2) / block, x.dim(3) / block};
+    return moveBlocks(graph, "pixel_unshuffle", x, coarse, coarse, block);
+}
+
 Tensor binomialMean(Graph& graph, const Tensor& x) {
     CHECK(x.shape.size() == 3, "a texture is [H,W,C], not {}", toString(x.shape));
     const BinomialMeanParams params{u32(x.elements()), u32(x.dim(1) * x.dim(2)), u32(x.dim(0)),
@@ -74,6 +120,32 @@ static const Op kInterleave{{
             Tensor x = c["x"];
             Tensor batch = x.reshaped({1, x.dim(0), x.dim(1), x.dim(2)});
             c.result("y", interleave(c.graph, batch).at(0));
+        },
+}};
+
+static const Op kPixelShuffle{{
+    .name = "pixel_shuffle",
+    .inputs = "x[N,C,H,W]",
+    .attributes = "block=2",
+    .outputs = "y",
+    .differentiable = "x",
+    .build =
+        [](OpCall& c) {
+            c.result("y", pixelShuffle(c.graph, c["x"], blockOf(c, c["x"].dim(1), true)));
+        },
+}};
+
+static const Op kPixelUnshuffle{{
+    .name = "pixel_unshuffle",
+    .inputs = "x[N,C,H,W]",
+    .attributes = "block=2",
+    .outputs = "y",
+    .differentiable = "x",
+    .build =
+        [](OpCall& c) {
+            const int64_t block = blockOf(c, c["x"].dim(2), false);
+            blockOf(c, c["x"].dim(3), false);
+            c.result("y", pixelUnshuffle(c.graph, c["x"], block));
         },
 }};
 

@@ -10,6 +10,12 @@ namespace doppel {
 // The networks' images (planes of one channel) x [N,C,H,W] as N textures [H,W,C]. Gradient to x.
 std::vector<Tensor> interleave(Graph& graph, const Tensor& x);
 
+// Blocks of r x r pixels against channels, y[n, c, r h + i, r w + j] = x[n, c r r + i r + j, h, w]:
+// x [N,C r r,H,W] to y [N,C,H r,W r]. Gradient to x.
+Tensor pixelShuffle(Graph& graph, const Tensor& x, int64_t block);
+// Its inverse.
+Tensor pixelUnshuffle(Graph& graph, const Tensor& x, int64_t block);
+
 // y = the mean of the 3x3 texels around each, weighted by 1 2 1 along either axis; zeros beyond the
 // border. x, y [H,W,C]. A texture that is learned through it has no pattern finer than a picture
 // shows: what nobody sees would be noise. Gradient to x.

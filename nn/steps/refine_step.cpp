@@ -26,16 +26,18 @@ Tensor batched(Graph& graph, const std::vector<Tensor>& parts) {
 
 }  // namespace
 
-TextureUnetConfig refineUnetConfig(const RefinePreset& preset, int64_t textureSize) {
-    return {.size = textureSize,
+TextureUnetConfig refineUnetConfig(const RefinePreset& preset, const TexturePreset& texture) {
+    return {.size = texture.textureSize,
             .width = preset.width,
             .inputChannels = 4,
             .outputChannels = 3,
-            .downs = preset.depth};
+            .downs = preset.depth,
+            .block = texture.block};
 }
 
-RefineNetworks::RefineNetworks(const RefinePreset& preset, int64_t textureSize, uint32_t seed)
-    : generator(refineUnetConfig(preset, textureSize), "refine", seed),
+RefineNetworks::RefineNetworks(const RefinePreset& preset, const TexturePreset& texture,
+                               uint32_t seed)
+    : generator(refineUnetConfig(preset, texture), "refine", seed),
       image(sized(imageDiscriminator(preset.discriminatorWidth), preset.imageDiscriminator),
             "image_discriminator", seed),
       face(sized(faceDiscriminator(preset.discriminatorWidth), preset.faceDiscriminator),

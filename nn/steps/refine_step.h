@@ -26,7 +26,7 @@ CHOICES(Misalignment, Different, Rendered)  // C: where the silhouettes differ, 
 #define REFINE_NUMBERS(NUMBER, FLAG, CHOICE)                                                    \
     NUMBER(int, size, 512, 16, 4096, "side of the crops, pixels")                               \
     NUMBER(int, width, 64, 1, 512, "channels d of the U-Net's first step")                      \
-    NUMBER(int, depth, 9, 2, 12, "steps down; 2^depth is texture.textureSize at most")          \
+    NUMBER(int, depth, 9, 2, 12, "steps down; 2^depth is textureSize / block at most")          \
     NUMBER(int, discriminatorWidth, 64, 1, 512, "channels d of the discriminators")             \
     NUMBER(int, faceSize, 80, 12, 4096, "side of the face discriminator's crops, pixels")       \
     NUMBER(int, batch, 8, 1, 256, "frames of a step")                                           \
@@ -59,10 +59,10 @@ struct RefineNetworks {
     PatchDiscriminator image, face;  // D2, D1
 
     // InputError where the sizes do not fit.
-    RefineNetworks(const RefinePreset& preset, int64_t textureSize, uint32_t seed);
+    RefineNetworks(const RefinePreset& preset, const TexturePreset& texture, uint32_t seed);
     void allocate(Device& device);
 };
-TextureUnetConfig refineUnetConfig(const RefinePreset& preset, int64_t textureSize);
+TextureUnetConfig refineUnetConfig(const RefinePreset& preset, const TexturePreset& texture);
 
 // coarse [N,3,T,T] in [0,1], maps [N,1,T,T] (visibility) -> refined [N,3,T,T]. Gradients to the
 // network's parameters.

@@ -21,8 +21,9 @@ CHOICES(Region, Union, Intersection)
 #define TEXTURE_NUMBERS(NUMBER, FLAG, CHOICE)                                               \
     NUMBER(int, size, 512, 16, 4096, "side of the crops, pixels")                           \
     NUMBER(int, textureSize, 512, 16, 4096, "side of the textures, texels; a power of two") \
+    NUMBER(int, block, 1, 1, 8, "texels of a side that the networks take as one")           \
     NUMBER(int, width, 64, 1, 512, "channels d of the U-Net's first step")                  \
-    NUMBER(int, depth, 9, 2, 12, "steps down; 2^depth is textureSize at most")              \
+    NUMBER(int, depth, 9, 2, 12, "steps down; 2^depth is textureSize / block at most")      \
     NUMBER(int, batch, 8, 1, 256, "frames of a step")                                       \
     NUMBER(int, steps, 2000, 0, kNoLimit, "steps, whatever the number of frames")           \
     NUMBER(double, lr, 2e-3, 0, 10, "learning rate")                                        \

@@ -80,7 +80,7 @@ Recording ganStep(const BodyModel& body, int batch) {
     auto owner = std::make_shared<Owner>();
     owner->config.batch = batch;
     owner->coarse.allocate(device());
-    owner->networks = std::make_unique<RefineNetworks>(owner->config, 512, 1);
+    owner->networks = std::make_unique<RefineNetworks>(owner->config, TexturePreset{}, 1);
     owner->networks->allocate(device());
     owner->step = std::make_unique<RefineStep>(device(), body, owner->config, *owner->networks,
                                                CoarseTexture{.net = &owner->coarse},
@@ -114,7 +114,7 @@ Recording inference(const BodyModel& body, bool refined) {
     owner->meshNet.allocate(device());
     owner->textureNet.allocate(device());
     if (refined) {
-        owner->refineNet.emplace(refineUnetConfig({}, 512), "refine", 1);
+        owner->refineNet.emplace(refineUnetConfig({}, {}), "refine", 1);
         owner->refineNet->allocate(device());
     }
     owner->inference = std::make_unique<Inference>(

@@ -10,5 +10,10 @@ struct BinomialMeanParams {
     uint line, height;  // elements of a line of texels; lines
     uint channels;
 };
+struct PixelShuffleParams {
+    uint n;              // elements
+    uint height, width;  // of a coarse plane
+    uint block;          // r
+};
 SHARED_END
 #endif

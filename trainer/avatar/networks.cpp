@@ -14,6 +14,7 @@ TextureUnetConfig unetConfig(const TexturePreset& preset) {
     config.size = preset.textureSize;
     config.width = preset.width;
     config.downs = preset.depth;
+    config.block = preset.block;
     return config;
 }
 
@@ -83,8 +84,7 @@ void paintTexture(Device& device, Avatar& avatar) {
 // ---- stage 3 ------------------------------------------------------------------------------------
 
 RefineNet::RefineNet(Device& device, const Avatar& avatar)
-    : unet_(refineUnetConfig(avatar.preset.refine, avatar.preset.texture.textureSize), "refine",
-            std::nullopt),
+    : unet_(refineUnetConfig(avatar.preset.refine, avatar.preset.texture), "refine", std::nullopt),
       residual_(avatar.preset.refine.residual) {
     unet_.allocate(device);
     loadWeights(unet_.parameters(), avatar.refineNet, "refine_net.safetensors");

@@ -170,7 +170,8 @@ Preset presetByName(std::string_view name) {
         preset.mesh.deviation = .03;
         preset.mesh.steps = 100;
         preset.texture.size = 256;
-        preset.texture.textureSize = 256;
+        preset.texture.textureSize = 512;  // texels of half a pixel,
+        preset.texture.block = 2;          // painted at the cost of whole ones
         preset.texture.depth = 8;
         preset.texture.width = 12;
         preset.texture.dropout = 0;
@@ -255,15 +256,17 @@ void checkPreset(const Preset& preset, std::string_view where) {
         throwInput("{}: texture.textureSize: expected a power of two, found {}", where,
                    t.textureSize);
     }
-    if (t.textureSize >> t.depth < 1) {
-        throwInput("{}: texture.depth: expected at most {} for a texture of {} pixels, found {}",
-                   where, std::bit_width(unsigned(t.textureSize)) - 1, t.textureSize, t.depth);
-    }
-    const RefinePreset& r = preset.refine;
-    if (t.textureSize >> r.depth < 1) {
-        throwInput("{}: refine.depth: expected at most {} for a texture of {} pixels, found {}",
-                   where, std::bit_width(unsigned(t.textureSize)) - 1, t.textureSize, r.depth);
-    }
+    if ((t.block & (t.block - 1)) != 0 || t.block > t.textureSize)
+        throwInput("{}: texture.block: expected a power of two, found {}", where, t.block);
+    auto fits = [&](std::string_view name, int depth) {
+        const int side = t.textureSize / t.block;
+        if (side >> depth < 1)
+            throwInput(
+                "{}: {}: expected at most {} for a texture of {} texels in blocks of {}, found {}",
+                where, name, std::bit_width(unsigned(side)) - 1, t.textureSize, t.block, depth);
+    };
+    fits("texture.depth", t.depth);
+    fits("refine.depth", preset.refine.depth);
 }
 
 }  // namespace doppel

@@ -105,10 +105,10 @@ void runDemo(const DemoOptions& options) {
 
     // Held-out frames: as their tracker saw them, fitted with the shape that training found, and
     // with the refined mesh.
-    Capture test = capture.subset(heldOut), testFitted = test, testByPictures = test;
-    FitResult testFit =
-        fitTestPoses(device, person, testFitted, TestPoses::Masks, options.common.seed);
-    fitTestPoses(device, person, testByPictures, TestPoses::Pictures, options.common.seed);
+    Capture test = capture.subset(heldOut), testFitted = test;
+    FitResult testFit = fitPosesToMasks(device, person, testFitted, options.common.seed);
+    Capture testByPictures = testFitted;
+    fitPosesToPictures(device, person, testByPictures, options.common.seed);
     FrameCache testFrames(test);
     double iouGiven = mean(silhouetteIous(device, person.body, test, testFrames));
     std::vector<FrameMetrics> metrics =

@@ -41,9 +41,9 @@ Evaluation evaluateOne(Device& device, const std::filesystem::path& avatarFolder
                    captureFolder.string());
     if (settings) settings->emplace_back("frames_trained_on", fmt::format("{}", seen));
     if (!options.fitTestPoses.empty()) {
-        const TestPoses to =
-            options.fitTestPoses == "pictures" ? TestPoses::Pictures : TestPoses::Masks;
-        const FitResult fit = fitTestPoses(device, avatar, capture, to, options.common.seed);
+        const FitResult fit = fitPosesToMasks(device, avatar, capture, options.common.seed);
+        if (options.fitTestPoses == "pictures")
+            fitPosesToPictures(device, avatar, capture, options.common.seed);
         if (settings) {
             settings->emplace_back("body_iou_before_fit", fmt::format("{:.4f}", fit.iouBefore));
             settings->emplace_back("body_iou_after_fit", fmt::format("{:.4f}", fit.iouAfter));

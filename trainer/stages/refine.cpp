@@ -68,8 +68,7 @@ void trainRefine(Device& device, TrainResult& result, const TrainSettings& setti
     else
         coarse.net = &coarseNet.unet();
 
-    RefineNetworks nets(preset, avatar.preset.texture.textureSize,
-                        static_cast<uint32_t>(settings.seed));
+    RefineNetworks nets(preset, avatar.preset.texture, static_cast<uint32_t>(settings.seed));
     nets.allocate(device);
     RefineStep step(device, avatar.body, preset, nets, coarse, settings.compileOptions());
 
@@ -120,8 +119,7 @@ void planRefine(Device& device, const Avatar& avatar, const Capture&,
         coarse.texture.resize(size * size * 3);
     else
         coarse.net = &coarseNet.unet();
-    RefineNetworks nets(preset.refine, preset.texture.textureSize,
-                        static_cast<uint32_t>(settings.seed));
+    RefineNetworks nets(preset.refine, preset.texture, static_cast<uint32_t>(settings.seed));
     nets.allocate(device);
     RefineStep(device, avatar.body, preset.refine, nets, coarse, settings.compileOptions());
 }

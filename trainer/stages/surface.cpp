@@ -116,34 +116,43 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
     return SurfaceResult{step.offsetValues(), texels()};
 }
 
-FitResult fitTestPoses(Device& device, const Avatar& avatar, Capture& capture, TestPoses to,
-                       uint64_t seed) {
+namespace {
+
+// Steps with which each frame is taken so many times.
+int stepsForVisits(int times, const Capture& capture, const SurfacePreset& preset) {
+    return std::max(1, times * static_cast<int>(capture.size()) / preset.batch);
+}
+
+}  // namespace
+
+FitResult fitPosesToMasks(Device& device, const Avatar& avatar, Capture& capture, uint64_t seed) {
     capture.betas = avatar.betas;
     FitResult result =
         fitCapture(device, avatar.body, capture,
                    {.preset = avatar.preset.fit, .fitShape = false, .loop = {.seed = seed}});
     SurfaceRun run{.stage = "poses", .preset = avatar.preset.shape, .loop = {.seed = seed}};
-    auto steps = [&](int times) {  // that each frame is taken so many times
-        return std::max(1, times * static_cast<int>(capture.size()) / run.preset.batch);
-    };
-    run.preset.steps = steps(30);
+    run.preset.steps = stepsForVisits(30, capture, run.preset);
     run.preset.lrTheta = .008;
     run.preset.lrTrans = .002;
     runSurface(device, avatar.body, capture, run);
-    if (to == TestPoses::Masks) return result;
+    return result;
+}
+
+void fitPosesToPictures(Device& device, const Avatar& avatar, Capture& capture, uint64_t seed) {
     // Outlines have done their part: colours move poses freely, and by single pixels.
-    run.preset = avatar.preset.texels;
-    run.preset.steps = steps(100);
+    SurfaceRun run{.stage = "poses",
+                   .preset = avatar.preset.texels,
+                   .texels = avatar.texture,
+                   .textureSize = avatar.textureSize,
+                   .loop = {.seed = seed}};
+    run.preset.steps = stepsForVisits(100, capture, run.preset);
     run.preset.lrTheta = .006;
     run.preset.lrTrans = .002;
     run.preset.priorTheta = .01;
     run.preset.priorTrans = .1;
     run.preset.colour2 = 1;
     run.preset.colour4 = 0;
-    run.texels = avatar.texture;
-    run.textureSize = avatar.textureSize;
     runSurface(device, avatar.body, capture, run);
-    return result;
 }
 
 void planShape(Device& device, const Avatar& avatar, const Capture& capture,

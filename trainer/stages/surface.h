@@ -33,12 +33,13 @@ struct SurfaceResult {
 std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, Capture& capture,
                                         const SurfaceRun& run);
 
-// The poses of frames that training did not see, the avatar being frozen: fitted with its body to
-// their masks, first by the soft silhouette, which reaches far, then by edges; and to their
-// pictures, by colours as well, with the coarse texture and without the networks. Replaces
+// The poses of frames that training did not see, the avatar being frozen: its body is fitted to
+// their masks, first by the soft silhouette, which reaches far, then by edges. Replaces
 // capture.theta, trans and betas, which become the avatar's. Returns what fitCapture() does.
-enum class TestPoses { Masks, Pictures };
-FitResult fitTestPoses(Device& device, const Avatar& avatar, Capture& capture, TestPoses to,
-                       uint64_t seed);
+FitResult fitPosesToMasks(Device& device, const Avatar& avatar, Capture& capture, uint64_t seed);
+
+// From there on by the colours of the pictures as well, with the coarse texture and without the
+// networks. Replaces capture.theta and trans.
+void fitPosesToPictures(Device& device, const Avatar& avatar, Capture& capture, uint64_t seed);
 
 }  // namespace doppel
