@@ -244,6 +244,20 @@ OpCase twoBalls(int rows, int64_t width, int64_t height, int64_t samples, bool c
     return test;
 }
 
+// A case's inputs as the op takes them from a file, without `left`.
+Npz arraysOf(const OpCase& test, std::string_view left = "") {
+    Npz arrays;
+    for (const auto& [name, value] : test.inputs)
+        if (name != left) arrays.set(name, Array::f64(value.shape, value.data));
+    for (const auto& [name, value] : test.integers) {
+        std::vector<int32_t> numbers(value.data.begin(), value.data.end());
+        arrays.set(name, Array::i32(value.shape, numbers));
+    }
+    for (const auto& [name, value] : test.attributes)
+        arrays.set("attr_" + name, Array::scalarF64(value));
+    return arrays;
+}
+
 TEST(SurfaceRender, AgainstPlainLoops) {
     for (bool coloured : {false, true})
         for (int64_t samples : {1, 2, 3})
@@ -271,13 +285,9 @@ TEST(SurfaceRender, AreaGrowsWithTheOutline) {
     std::vector<double> verts;
     std::vector<int> faces;
     addBall(40, {0, 0, 3}, .9, verts, faces);
-    const Shape shape{int64_t(verts.size() / 3), 3};
-    Npz arrays;
-    arrays.set("verts", Array::f64(shape, verts));
-    std::vector<int32_t> numbers(faces.begin(), faces.end());
-    arrays.set("faces", Array::i32({int64_t(faces.size() / 3), 3}, numbers));
-    for (const auto& [name, value] : test.attributes)
-        arrays.set("attr_" + name, Array::scalarF64(value));
+    test.inputs["verts"] = {{int64_t(verts.size() / 3), 3}, verts};
+    test.integers["faces"] = indices({int64_t(faces.size() / 3), 3}, faces);
+    Npz arrays = arraysOf(test);
     arrays.set("grad_alpha", Array::f64({kSize, kSize}, std::vector<double>(kSize * kSize, 1)));
     const Npz out = Op::find("surface_render")->run(testDevice(), arrays, {});
     double area = 0, growth = 0;
@@ -294,16 +304,8 @@ TEST(SurfaceRender, SameBitsTwiceAndForEitherPath) {
     std::vector<std::vector<float>> gradients;
     for (double largeBox : {1e6, 1e6, 2.}) {
         OpCase test = twoBalls(6, 40, 33, 2, true);
-        Npz arrays;
-        for (const auto& [name, value] : test.inputs)
-            arrays.set(name, Array::f64(value.shape, value.data));
-        for (const auto& [name, value] : test.integers) {
-            std::vector<int32_t> numbers(value.data.begin(), value.data.end());
-            arrays.set(name, Array::i32(value.shape, numbers));
-        }
         test.attributes["large_box"] = largeBox;
-        for (const auto& [name, value] : test.attributes)
-            arrays.set("attr_" + name, Array::scalarF64(value));
+        Npz arrays = arraysOf(test);
         arrays.set("grad_alpha", Array::f64({33, 40}, random({33, 40}, 3).data));
         arrays.set("grad_image", Array::f64({33, 40, 3}, random({33, 40, 3}, 4).data));
         const Npz out = Op::find("surface_render")->run(testDevice(), arrays, {});
@@ -323,15 +325,7 @@ TEST(SurfaceRender, SameBitsTwiceAndForEitherPath) {
 TEST(SurfaceRender, PixelsTeachTheTextureWhatTheyMay) {
     OpCase test = twoBalls(5, 23, 19, 2, true);
     auto run = [&](bool taught) {
-        Npz arrays;
-        for (const auto& [name, value] : test.inputs)
-            arrays.set(name, Array::f64(value.shape, value.data));
-        for (const auto& [name, value] : test.integers) {
-            std::vector<int32_t> numbers(value.data.begin(), value.data.end());
-            arrays.set(name, Array::i32(value.shape, numbers));
-        }
-        for (const auto& [name, value] : test.attributes)
-            arrays.set("attr_" + name, Array::scalarF64(value));
+        Npz arrays = arraysOf(test);
         const Value teaches = uniform({19, 23}, 0, 1, 6);
         Value dImage = random({19, 23, 3}, 4);
         if (taught)
@@ -352,17 +346,49 @@ TEST(SurfaceRender, PixelsTeachTheTextureWhatTheyMay) {
     checkOp("surface_render", test);
 }
 
+// A plane that turns away from the camera: what a pixel teaches is weighted by the cosine of its
+// own ray, the vertices' gradient by nothing.
+TEST(SurfaceRender, WhoSeesAPlaceAskewTeachesLess) {
+    constexpr int64_t kSize = 24;
+    constexpr double kPower = 3;
+    OpCase test = twoBalls(3, kSize, kSize, 1, true);
+    // z = 3 + 1.5 x: its normal is (-1.5, 0, 1) / sqrt(3.25).
+    test.inputs["verts"] = {{4, 3}, {-1, -1, 1.5, 1, -1, 4.5, 1, 1, 4.5, -1, 1, 1.5}};
+    test.integers["faces"] = indices({2, 3}, {0, 2, 1, 0, 3, 2});
+    test.inputs["uvs"] = {{4, 2}, {.1, .1, .9, .1, .9, .9, .1, .9}};
+    test.integers["faces_uv"] = test.integers["faces"];
+    test.attributes["cx"] = test.attributes["cy"] = kSize / 2;
+    auto run = [&](bool turned) {
+        Npz arrays = arraysOf(test);
+        Value dImage = random({kSize, kSize, 3}, 4);
+        if (turned)
+            arrays.set("attr_facing", Array::scalarF64(kPower));
+        else
+            for (size_t i = 0; i < dImage.data.size(); ++i) {
+                const double x = (double(i / 3 % kSize) + .5 - kSize / 2.) / kSize;
+                const double y = (double(i / 3 / kSize) + .5 - kSize / 2.) / kSize;
+                const double cosine =
+                    std::abs(-1.5 * x + 1) / std::sqrt(3.25 * (x * x + y * y + 1));
+                dImage.data[i] *= std::pow(cosine, kPower);
+            }
+        arrays.set("grad_image", Array::f64(dImage.shape, dImage.data));
+        return Op::find("surface_render")->run(testDevice(), arrays, {});
+    };
+    const Npz turned = run(true), scaled = run(false);
+    const std::vector<float> a = turned.at("grad_texture").toF32();
+    const std::vector<float> b = scaled.at("grad_texture").toF32();
+    double most = 0;
+    for (size_t i = 0; i < a.size(); ++i) {
+        EXPECT_NEAR(a[i], b[i], 1e-4);
+        most = std::max(most, std::abs(double{a[i]}));
+    }
+    EXPECT_GT(most, .1);
+    EXPECT_NE(turned.at("grad_verts").toF32(), scaled.at("grad_verts").toF32());
+}
+
 TEST(SurfaceRender, ATextureNeedsItsAtlasAndBackground) {
     OpCase test = twoBalls(3, 8, 8, 1, true);
-    Npz arrays;
-    for (const auto& [name, value] : test.inputs)
-        if (name != "background") arrays.set(name, Array::f64(value.shape, value.data));
-    for (const auto& [name, value] : test.integers) {
-        std::vector<int32_t> numbers(value.data.begin(), value.data.end());
-        arrays.set(name, Array::i32(value.shape, numbers));
-    }
-    for (const auto& [name, value] : test.attributes)
-        arrays.set("attr_" + name, Array::scalarF64(value));
+    const Npz arrays = arraysOf(test, "background");
     expectInputError([&] { Op::find("surface_render")->run(testDevice(), arrays, {}); },
                      "background: expected beside a texture");
 }

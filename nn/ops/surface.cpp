@@ -1,5 +1,7 @@
 #include "nn/ops/surface.h"
 
+#include <bit>
+
 #include "nn/core/op.h"
 
 namespace doppel {
@@ -43,6 +45,7 @@ SurfaceRender surfaceRender(Graph& graph, const RasterMesh& mesh, const Tensor& 
                               {"coloured", coloured ? 1u : 0u}};
     Specialisation blend = spec;
     blend["taught"] = taught;
+    if (coloured) blend["facing"] = std::bit_cast<uint32_t>(look->facing);
     const auto samples = static_cast<uint64_t>(rows * columns);
     graph.beginOp("surface_render");
     graph.dispatch("raster/surface_blend.forward",
@@ -63,6 +66,9 @@ SurfaceRender surfaceRender(Graph& graph, const RasterMesh& mesh, const Tensor& 
                            {{"index", seen.faceIndex},
                             {"dImage", dImage},
                             {"teaches", taught ? look_.teaches : none},
+                            {"surface", seen.surface},
+                            {"faces", mesh.faceVertices},
+                            {"verts", verts},
                             {"dColours", graph.gradientTarget(colours)}},
                            params, samples, blend);
         if (!graph.wantsGradient(verts)) return;
@@ -122,7 +128,7 @@ static const Op kSurfaceRender{{
     .name = "surface_render",
     .inputs = "verts[V,3] faces:i32[F,3] uvs[T,2]? faces_uv:i32[F,3]? texture[Ht,Wt,3]? "
               "background[H,W,3]? teaches[H,W]?",
-    .attributes = "fx fy cx cy width height samples=1 edge_jump=0.03 large_box=1024",
+    .attributes = "fx fy cx cy width height samples=1 edge_jump=0.03 large_box=1024 facing=0",
     .outputs = "alpha image",
     .differentiable = "verts texture",
     .build =
@@ -136,7 +142,9 @@ static const Op kSurfaceRender{{
                 for (const char* name : {"uvs", "faces_uv", "background"})
                     if (!c[name]) throwInput("{}: expected beside a texture, found none", name);
                 look = {rasterAtlas(c.graph, c["uvs"], c.ints("faces_uv")), c["texture"],
-                        c["background"], c["teaches"]};
+                        c["background"], c["teaches"], c.f("facing")};
+                if (!(look.facing >= 0 && look.facing <= 100))
+                    throwInput("attr_facing: expected a power of 0 to 100, found {}", look.facing);
             }
             SurfaceRender drawn =
                 surfaceRender(c.graph, mesh, c["verts"], camera, coloured ? &look : nullptr,

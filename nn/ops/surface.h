@@ -18,6 +18,9 @@ struct SurfaceLook {
     // [H,W] The part of a pixel's gradient that reaches the texture; empty: all of it. Where a
     // picture shows the background, that the surface is there is wrong, and not its colour.
     Tensor teaches = {};
+    // Power of the cosine between face and camera with which a sample's gradient reaches the
+    // texture.
+    float facing = 0;
 };
 
 struct SurfaceOptions {

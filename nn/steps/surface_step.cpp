@@ -91,6 +91,7 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceStart sta
             sample.background = graph.input({size, size, 3});
             look.background = sample.background;
             look.teaches = sample.mask;
+            look.facing = static_cast<float>(preset.facing);
         }
         SurfaceRender drawn = surfaceRender(graph, faces, posed.verts, sample.camera,
                                             coloured ? &look : nullptr, size, size, drawing);

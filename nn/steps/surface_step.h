@@ -47,6 +47,8 @@ namespace doppel {
     NUMBER(double, priorTrans, .5, 0, kNoLimit, "weight of staying near the given places")       \
     NUMBER(double, smoothTheta, 0, 0, kNoLimit, "weight of slow corrections, in videos")         \
     NUMBER(double, stay, .3, 0, kNoLimit, "weight of small offsets")                             \
+    NUMBER(double, facing, 0, 0, 100,                                                            \
+           "power of the cosine to the camera with which a pixel teaches texels")                \
     NUMBER(double, stayTexels, 0, 0, kNoLimit,                                                   \
            "weight of texels near those that frames gave first")                                 \
     NUMBER(double, smooth, 500, 0, kNoLimit, "weight of smooth offsets")                         \

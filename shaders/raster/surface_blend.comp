@@ -1,8 +1,9 @@
 // A surface over a background, the mean of samples^2 samples per pixel:
 //     image = 1 / samples^2 sum (the colour where a face is seen, else the background),
 //     alpha = 1 / samples^2 sum (1 where a face is seen, else 0),
-//     dcolour = teaches dimage / samples^2 where a face is seen.
-// image [H,W,3] sRGB-encoded, alpha [H,W].
+//     dcolour = teaches cos^facing dimage / samples^2 where a face is seen,
+// cos between the face's normal and the way to the camera: whoever sees a place askew sees it
+// smaller and, where poses are off, elsewhere. image [H,W,3] sRGB-encoded, alpha [H,W].
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
@@ -11,7 +12,8 @@
 layout(constant_id = 1) const uint samples = 1;   // per pixel and axis
 layout(constant_id = 2) const bool coloured = true;  // false: alpha alone
 layout(constant_id = 3) const bool taught = false;   // there is teaches; else it is 1
-PARAMS(SurfaceParams, 8)
+layout(constant_id = 4) const float facing = 0;
+PARAMS(SurfaceParams, 11)
 BUFFER(0, readonly, int, index);         // [H samples,W samples] face, -1: none
 BUFFER(1, readonly, vec3, colours);      // [H samples,W samples,3]
 BUFFER(2, readonly, vec3, background);   // [H,W,3]
@@ -20,6 +22,9 @@ BUFFER(4, writeonly, float, alpha);      // [H,W]
 BUFFER(5, readonly, vec3, dImage);       // [H,W,3]
 BUFFER(6, readonly, float, teaches);     // [H,W]
 BUFFER(7, writeonly, vec3, dColours);    // [H samples,W samples,3]
+BUFFER(8, readonly, vec4, surface);      // [H samples,W samples] barycentrics, depth
+BUFFER(9, readonly, ivec4, faces);       // [F]
+BUFFER(10, readonly, vec3, verts);       // [V,3] m
 
 ENTRY(forward) {
     uint i = linearIndex();
@@ -38,11 +43,22 @@ ENTRY(forward) {
     if (coloured) image.d[i] = sum * part;
 }
 
+// The cosine between the normal of the face that a sample sees and the way to the camera.
+float cosineAt(uint at) {
+    ivec4 v = faces.d[index.d[at]];
+    vec3 a = verts.d[v.x], ab = verts.d[v.y] - a, ac = verts.d[v.z] - a;
+    vec3 normal = cross(ab, ac), p = a + surface.d[at].y * ab + surface.d[at].z * ac;
+    float lengths = length(normal) * length(p);
+    return lengths > 0 ? min(abs(dot(normal, p)) / lengths, 1) : 0;
+}
+
 ENTRY(backward) {
     uint i = linearIndex(), line = params.width * samples;
     if (i >= line * params.height * samples) return;
     uint y = quotient(i, params.byWidth), x = remainder(i, y, params.byWidth);
     uint pixel = y / samples * params.width + x / samples;
     float part = (taught ? teaches.d[pixel] : 1) / float(samples * samples);
-    dColours.d[i] = index.d[i] < 0 ? vec3(0) : dImage.d[pixel] * part;
+    bool seen = index.d[i] >= 0;
+    if (facing > 0 && seen) part *= pow(cosineAt(i), facing);
+    dColours.d[i] = seen ? dImage.d[pixel] * part : vec3(0);
 }

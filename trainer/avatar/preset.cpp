@@ -90,7 +90,10 @@ Preset presetByName(std::string_view name) {
     preset.texels.lrOffsets = .03;
     preset.texels.lambda = 1;  // colours tell finer things than outlines do
     preset.texels.smooth = 50;
-    preset.texels.lrTexels = .06;
+    preset.texels.lrTexels = .03;
+    preset.texels.decay = .3;
+    preset.texels.robust = .005;
+    preset.texels.facing = 4;
     preset.texels.priorTheta = .02;
     preset.texels.priorTrans = .2;
     preset.texels.silhouette1 = 1;
