@@ -18,19 +18,20 @@ namespace doppel {
 CHOICES(Region, Union, Intersection)
 
 // Stage 2: the coarse texture network G_TN.
-#define TEXTURE_NUMBERS(NUMBER, FLAG, CHOICE)                                               \
-    NUMBER(int, size, 512, 16, 4096, "side of the crops, pixels")                           \
-    NUMBER(int, textureSize, 512, 16, 4096, "side of the textures, texels; a power of two") \
-    NUMBER(int, block, 1, 1, 8, "texels of a side that the networks take as one")           \
-    NUMBER(int, width, 64, 1, 512, "channels d of the U-Net's first step")                  \
-    NUMBER(int, depth, 9, 2, 12, "steps down; 2^depth is textureSize / block at most")      \
-    NUMBER(int, batch, 8, 1, 256, "frames of a step")                                       \
-    NUMBER(int, steps, 2000, 0, kNoLimit, "steps, whatever the number of frames")           \
-    NUMBER(double, lr, 2e-3, 0, 10, "learning rate")                                        \
-    ADAMW_NUMBERS(NUMBER)                                                                   \
-    NUMBER(double, weight, 1, 0, kNoLimit, "weight of L_pt; program: 100")                  \
-    NUMBER(double, dropout, .5, 0, .99, "in steps up 2 to 5; 0: none")                      \
-    CHOICE(Region, region, Union, "B, the pixels that count; program: intersection")        \
+#define TEXTURE_NUMBERS(NUMBER, FLAG, CHOICE)                                                 \
+    NUMBER(int, size, 512, 16, 4096, "side of the crops, pixels")                             \
+    NUMBER(int, textureSize, 512, 16, 4096, "side of the textures, texels; a power of two")   \
+    NUMBER(int, block, 1, 1, 8, "texels of a side that the networks take as one")             \
+    NUMBER(int, width, 64, 1, 512, "channels d of the U-Net's first step")                    \
+    NUMBER(int, depth, 9, 2, 12, "steps down; 2^depth is textureSize / block at most")        \
+    NUMBER(int, batch, 8, 1, 256, "frames of a step")                                         \
+    NUMBER(int, steps, 2000, 0, kNoLimit, "steps, whatever the number of frames")             \
+    NUMBER(double, lr, 2e-3, 0, 10, "learning rate")                                          \
+    NUMBER(double, lrOver, 2e-4, 0, 10, "learning rate of a network that paints over texels") \
+    ADAMW_NUMBERS(NUMBER)                                                                     \
+    NUMBER(double, weight, 1, 0, kNoLimit, "weight of L_pt; program: 100")                    \
+    NUMBER(double, dropout, .5, 0, .99, "in steps up 2 to 5; 0: none")                        \
+    CHOICE(Region, region, Union, "B, the pixels that count; program: intersection")          \
     FLAG(constantInput, false, "all ones in place of the visibility map x_v; program: true")
 struct TexturePreset {
     NUMBERS(TEXTURE_NUMBERS)

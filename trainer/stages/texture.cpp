@@ -15,7 +15,10 @@ namespace doppel {
 void trainTexture(Device& device, TrainResult& result, const TrainSettings& settings) {
     Avatar& avatar = result.avatar;
     const Capture& capture = result.capture;
-    const TexturePreset& preset = avatar.preset.texture;
+    TexturePreset preset = avatar.preset.texture;
+    // Texels that frames gave are near their best: what a network does to them in long steps is
+    // noise.
+    if (!avatar.texels.empty()) preset.lr = preset.lrOver;
     FrameCache cache(capture);
     TrainingFrames frames(device, avatar.body, capture, cache, preset.size,
                           {.colours = true, .memoryBudget = settings.memoryBudget});
