@@ -244,7 +244,7 @@ TEST(BlazePose, LeftAndRight) {
 
 TEST(BlazePose, MissingNetworksAreNamed) {
     BlazePose pose(testDevice(), PoseNet::Full, "/nowhere");
-    expectInputError([&] { pose.detect(Image(8, 8, 3)); }, "scripts/setup --models");
+    expectInputError([&] { pose.requireModels(); }, "scripts/setup --models");
     expectInputError([] { poseNetByName("huge", "--pose"); },
                      "--pose: expected lite, full or heavy, found \"huge\"");
 }

@@ -88,13 +88,6 @@ bool poseModelsAreThere(PoseNet net, const fs::path& folder) {
 
 struct BlazePose::Net {
     Net(Device& device, const fs::path& file, int side) : graph(device) {
-        std::error_code error;
-        if (!fs::exists(file, error)) {
-            throwInput(
-                "{}: expected a network that finds people, found nothing; run scripts/setup "
-                "--models, which fetches it, or set DOPPEL_MODELS to its folder",
-                file.string());
-        }
         const TfliteModel model = readTflite(file);
         x = graph.input({1, 3, side, side});
         outputs = tfliteNet(graph, model, x);
@@ -119,6 +112,17 @@ BlazePose::BlazePose(Device& device, PoseNet net, fs::path folder)
     : device_(device), net_(net), folder_(std::move(folder)) {}
 
 BlazePose::~BlazePose() = default;
+
+void BlazePose::requireModels() const {
+    for (const fs::path& file : {folder_ / detectorFile(), folder_ / landmarkFile(net_)}) {
+        std::error_code error;
+        if (fs::exists(file, error)) continue;
+        throwInput(
+            "{}: expected a network that finds people, found nothing; run scripts/setup --models, "
+            "which fetches it, or set DOPPEL_MODELS to its folder",
+            file.string());
+    }
+}
 
 BlazePose::Net& BlazePose::detector() {
     if (!detector_) {

@@ -94,12 +94,14 @@ std::filesystem::path poseModelFolder();
 // Whether this network and the detector are there.
 bool poseModelsAreThere(PoseNet net, const std::filesystem::path& folder = poseModelFolder());
 
-// A network is read, and its kernels compiled, when it is first needed. InputError that says how
-// to fetch the networks where they are missing.
+// A network is read, and its kernels compiled, when it is first needed.
 class BlazePose {
 public:
     BlazePose(Device& device, PoseNet net, std::filesystem::path folder = poseModelFolder());
     ~BlazePose();
+
+    // InputError that says how to fetch the networks where they are missing.
+    void requireModels() const;
 
     // People in the picture, the surest first; overlapping ones are merged.
     std::vector<Detection> detect(const Image& rgb);
