@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iostream>
 #include <random>
 
 #include "engine/error.h"
@@ -17,6 +18,7 @@
 #include "trainer/avatar/avatar.h"
 #include "trainer/data/frame_selection.h"
 #include "trainer/import/import.h"
+#include "trainer/motion/synthetic.h"
 #include "trainer/person/body_start.h"
 #include "trainer/person/mask.h"
 
@@ -282,6 +284,8 @@ PersonLandmarks landmarksOfBody(const std::array<glm::dvec3, joint::kCount>& joi
     };
     for (size_t j = 0; j < joint::kCount; ++j)
         if (const auto i = landmarkOfJoint(j)) put(*i, joints[j]);
+    for (size_t i = landmark::kLeftPinky; i <= landmark::kRightThumb; ++i)
+        put(i, joints[i % 2 ? joint::kLeftWrist : joint::kRightWrist]);
     const glm::dvec3 centre = joints[joint::kHead];
     put(landmark::kLeftEar, centre + head * glm::dvec3(.07, .08, 0));
     put(landmark::kRightEar, centre + head * glm::dvec3(-.07, .08, 0));
@@ -415,6 +419,40 @@ TEST(ImportClip, AFilmBecomesACapture) {
     EXPECT_GT(mask.data[260 * 640 + 262], 0);
     EXPECT_EQ(mask.data[20 * 640 + 620], 0);
     EXPECT_EQ(wanted.width, 512);
+}
+
+// A drawn person whose joints are known.
+TEST(ImportClip, ASyntheticActorsJointsAreFound) {
+    const fs::path models = fs::path(DOPPEL_SOURCE_DIR) / "build/models";
+    if (!poseModelsAreThere(PoseNet::Heavy, models))
+        GTEST_SKIP() << "scripts/setup --models fetches the networks";
+    Folder folder;
+    const Capture actor = renderActor(testDevice(), readActor(assetFolder() / "actor", "man"),
+                                      actorSession(8, 4, kActorDistance), folder / "actor",
+                                      {.size = 512, .samples = 2});
+    const Poses truth = readPoses(folder / "actor/truth.npz", false);
+    const BodyModel body = bodyFromNpz(readBodyArrays("default"));
+    const BodyPoser3d poser(body);
+    BlazePose pose(testDevice(), PoseNet::Heavy, models);
+    double off = 0, iou = 0;
+    for (size_t f = 0; f < actor.size(); ++f) {
+        const Image picture = readImage(actor.frames[f].image);
+        const std::vector<Detection> people = pose.detect(picture);
+        ASSERT_FALSE(people.empty()) << f;
+        const PersonLandmarks person = pose.landmarks(picture, people[0].roi());
+        iou += overlap(personMask(person, picture), readMask(*actor.frames[f].mask).data) /
+               double(actor.size());
+        const BodyStart start = poser(person, actor.frames[f].camera);
+        const auto got = jointsOf(body, start.theta, start.trans);
+        const auto want = jointsOf(body, truth.theta[f], truth.trans[f]);
+        for (size_t j = 0; j < joint::kCount; ++j)
+            if (landmarkOfJoint(j))
+                off += glm::length((got[j] - got[0]) - (want[j] - want[0])) / 12. /
+                       double(actor.size());
+    }
+    std::cout << "joints " << 1000 * off << " mm, masks' IoU " << iou << "\n";
+    EXPECT_LT(off, .09);
+    EXPECT_GT(iou, .965);
 }
 
 TEST(ImportClip, BrokenFilesAreRefused) {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <vector>
 
 namespace doppel {
 
@@ -38,6 +39,48 @@ dquat atMost(const dquat& rotation, double most) {
 dvec3 withoutPart(const dvec3& v, const dvec3& along) {
     const dvec3 a = glm::normalize(along);
     return v - glm::dot(v, a) * a;
+}
+
+// A point of a body, in metres about its middle, and where it is seen.
+struct Seen {
+    dvec3 point;
+    Landmark landmark;
+};
+
+// The translation that puts the points where they are seen, in the mean square; residual: pixels.
+// f (x + tx) / (z + tz) = u − cx is linear in t once multiplied out; weighed by 1 / (z + tz), of
+// the turn before, the errors are pixels.
+dvec3 stand(const std::vector<Seen>& seen, const Camera& camera, double* residual = nullptr) {
+    dvec3 t(0, 0, 3);
+    for (int turn = 0; turn < 5; ++turn) {
+        Eigen::Matrix3d normal = Eigen::Matrix3d::Identity() * 1e-9;
+        Eigen::Vector3d right = Eigen::Vector3d::Zero();
+        for (const auto& [point, landmark] : seen) {
+            const double depth = std::max(point.z + t.z, .1);
+            const double u = landmark.picture[0] - camera.cx, v = landmark.picture[1] - camera.cy;
+            const Eigen::Vector3d rowU(camera.fx, 0, -u), rowV(0, camera.fy, -v);
+            const double weight = landmark.visibility * landmark.presence + .01;
+            const double w = weight / (depth * depth);
+            normal += w * (rowU * rowU.transpose() + rowV * rowV.transpose());
+            right += w * (rowU * (u * point.z - camera.fx * point.x) +
+                          rowV * (v * point.z - camera.fy * point.y));
+        }
+        const Eigen::Vector3d solved = normal.ldlt().solve(right);
+        t = {solved[0], solved[1], std::max(solved[2], .3)};
+    }
+    if (residual) {
+        double squares = 0, weights = 0;
+        for (const auto& [point, landmark] : seen) {
+            const dvec3 p = point + t;
+            const auto uv = camera.project({p.x, p.y, std::max(p.z, .1)});
+            const double weight = landmark.visibility * landmark.presence + .01;
+            squares += weight * (std::pow(uv[0] - landmark.picture[0], 2) +
+                                 std::pow(uv[1] - landmark.picture[1], 2));
+            weights += weight;
+        }
+        *residual = std::sqrt(squares / weights);
+    }
+    return t;
 }
 
 }  // namespace
@@ -87,9 +130,19 @@ BodyPoser3d::BodyPoser3d(const BodyModel& body) {
 }
 
 BodyStart BodyPoser3d::operator()(const PersonLandmarks& person, const Camera& camera) const {
-    const auto at = [&](size_t i) {
+    // Across and down the picture is surer than the landmarks in space, of which only depths are
+    // taken. What they measure puts the hips at a distance, in metres of their own.
+    std::vector<Seen> seen;
+    for (size_t i = kLeftShoulder; i < kCount; ++i) {
         const Point3& p = person.points[i].world;
-        return dvec3(p[0], p[1], p[2]);
+        seen.push_back({{p[0], p[1], p[2]}, person.points[i]});
+    }
+    const double distance = stand(seen, camera).z;
+    const auto at = [&](size_t i) {
+        const Landmark& point = person.points[i];
+        const double depth = std::max(distance + point.world[2], .1 * distance);
+        return dvec3((point.picture[0] - camera.cx) / camera.fx * depth,
+                     (point.picture[1] - camera.cy) / camera.fy * depth, point.world[2]);
     };
     const auto bone = [&](size_t from, size_t to) { return at(to) - at(from); };
     const auto restBone = [&](size_t from, size_t to) { return rest_[to] - rest_[from]; };
@@ -204,36 +257,12 @@ BodyStart BodyPoser3d::operator()(const PersonLandmarks& person, const Camera& c
                               : place[size_t(parent)] +
                                     global[size_t(parent)] * (rest_[j] - rest_[size_t(parent)]);
     }
-    // f (x + tx) / (z + tz) = u − cx, linear in t once multiplied out; weighed by 1 / (z + tz), of
-    // the turn before, the errors are pixels.
-    dvec3 t(0, 0, 3);
+    seen.clear();
+    for (size_t j = 0; j < joint::kCount; ++j)
+        if (const auto number = landmarkOfJoint(j))
+            seen.push_back({place[j], person.points[*number]});
     BodyStart start;
-    for (int turn = 0; turn < 5; ++turn) {
-        Eigen::Matrix3d normal = Eigen::Matrix3d::Identity() * 1e-9;
-        Eigen::Vector3d right = Eigen::Vector3d::Zero();
-        double squares = 0, weights = 0;
-        for (size_t j = 0; j < joint::kCount; ++j) {
-            const auto number = landmarkOfJoint(j);
-            if (!number) continue;
-            const Landmark& seen = person.points[*number];
-            const double weight = seen.visibility * seen.presence + .01;
-            const double depth = std::max(place[j].z + t.z, .1);
-            const double u = seen.picture[0] - camera.cx, v = seen.picture[1] - camera.cy;
-            const Eigen::Vector3d rowU(camera.fx, 0, -u), rowV(0, camera.fy, -v);
-            const double wantU = u * place[j].z - camera.fx * place[j].x;
-            const double wantV = v * place[j].z - camera.fy * place[j].y;
-            const double w = weight / (depth * depth);
-            normal += w * (rowU * rowU.transpose() + rowV * rowV.transpose());
-            right += w * (rowU * wantU + rowV * wantV);
-            const double du = camera.fx * (place[j].x + t.x) / depth - u;
-            const double dv = camera.fy * (place[j].y + t.y) / depth - v;
-            squares += weight * (du * du + dv * dv);
-            weights += weight;
-        }
-        start.residual = std::sqrt(squares / weights);
-        const Eigen::Vector3d solved = normal.ldlt().solve(right);
-        t = {solved[0], solved[1], std::max(solved[2], .3)};
-    }
+    const dvec3 t = stand(seen, camera, &start.residual);
     for (size_t j = 0; j < joint::kCount; ++j) setJointRotation(start.theta, j, turned[j]);
     // The pelvis stands at rest_0 + trans.
     for (size_t k = 0; k < 3; ++k)

@@ -22,8 +22,8 @@ struct BodyStart {
 
 // The default shape of `body`, each bone turned to where the landmarks in space point, hinges of
 // elbows and knees by the plane in which they are bent, stood where its joints best cover the
-// landmarks in the picture. Landmarks in space have a scale that is a guess; only their directions
-// are used.
+// landmarks in the picture. Where landmarks are across and down comes from the picture, how deep
+// from the landmarks in space, whose scale is a guess; only directions are used.
 class BodyPoser3d {
 public:
     explicit BodyPoser3d(const BodyModel& body);
