@@ -166,7 +166,7 @@ TEST(Capture, WritesWhatItReads) {
     for (const Capture& c : {written, read}) {
         ASSERT_EQ(c.size(), 2u);
         EXPECT_EQ(c.name, "a \"name\"");
-        EXPECT_EQ(c.fps, 12.5);
+        EXPECT_EQ(c.fps, 6.25);  // each second frame, at the same speed
         EXPECT_EQ(c.frames[0].name, "f2");
         EXPECT_EQ(c.frames[1].camera, smallCamera());
         EXPECT_EQ(c.theta[1], capture.theta[3]);

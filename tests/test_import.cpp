@@ -283,8 +283,9 @@ TEST(Import, SaysWhatIsWrongAndLeavesNothing) {
     const auto write = [&](const char* name, const std::vector<uint8_t>& bytes) {
         folder.write(std::string("src/smpl_pose/") + name, bytes);
     };
-    expect("src: expected a folder to import, found nothing", [&] { fs::remove_all(src); });
-    expect("src: expected a known layout: images/ and smpl_pose/",
+    expect("src: expected a video or a folder to import, found nothing",
+           [&] { fs::remove_all(src); });
+    expect("src: expected a known layout: a video, or images/ and smpl_pose/",
            [&] { fs::remove_all(src / "smpl_pose"); });
     expect("found images, segmentations", [&] { fs::remove_all(src / "smpl_pose"); });
     expect("src/images: expected one picture (.jpg, .png) or more, found none", [&] {
@@ -450,9 +451,9 @@ TEST(Import, AnImporterIsOneDeclaration) {
     fs::create_directories(folder / "empty");
     EXPECT_NE(
         messageOf<InputError>([&] { import(folder / "empty", folder / "out2"); })
-            .find("empty: expected a known layout: images/ and smpl_pose/ (Human Retargeting), "
-                  "or images/, cameras.npz and poses.npz (a capture), or recording.txt (a "
-                  "test's); found an empty folder"),
+            .find("empty: expected a known layout: a video, or images/ and smpl_pose/ (Human "
+                  "Retargeting), or images/, cameras.npz and poses.npz (a capture), or pictures (a "
+                  "clip's frames), or recording.txt (a test's); found an empty folder"),
         std::string::npos);
 }
 

@@ -293,8 +293,11 @@ struct VideoReader::Parts {
         if (description == nullptr || (description->flags & AV_PIX_FMT_FLAG_HWACCEL)) {
             throwInput("{}: frames of a pixel format that cannot be read", name);
         }
-        scaler.reset(sws_getCachedContext(scaler.release(), w, h, pixels, w, h, AV_PIX_FMT_RGB24,
-                                          kScaling, nullptr, nullptr, nullptr));
+        // A quarter turn comes after scaling.
+        const bool lying = rotation % 180 != 0;
+        const int outW = lying ? size.height : size.width, outH = lying ? size.width : size.height;
+        scaler.reset(sws_getCachedContext(scaler.release(), w, h, pixels, outW, outH,
+                                          AV_PIX_FMT_RGB24, kScaling, nullptr, nullptr, nullptr));
         if (!scaler) throwInput("{}: frames of a pixel format that cannot be converted", name);
         // Where the file does not say: high definition is BT.709, the rest BT.601.
         int space = SWS_CS_ITU601;
@@ -307,17 +310,17 @@ struct VideoReader::Parts {
         sws_setColorspaceDetails(scaler.get(), sws_getCoefficients(space), full,
                                  sws_getCoefficients(SWS_CS_DEFAULT), 1, 0, 1 << 16, 1 << 16);
         // Rows of a multiple of 64 bytes: swscale writes beyond the end of unaligned ones.
-        const int stride = (w * 3 + 63) / 64 * 64;
-        rows.resize(static_cast<size_t>(stride) * static_cast<size_t>(h) + 64);
+        const int stride = (outW * 3 + 63) / 64 * 64;
+        rows.resize(static_cast<size_t>(stride) * static_cast<size_t>(outH) + 64);
         uint8_t* planes[4] = {rows.data()};
         const int strides[4] = {stride};
         sws_scale(scaler.get(), decoded->data, decoded->linesize, 0, h, planes, strides);
-        Image upright(w, h, 3);
-        for (int y = 0; y < h; ++y) {
-            std::memcpy(upright.row(y), &rows[static_cast<size_t>(y) * static_cast<size_t>(stride)],
-                        upright.rowBytes());
+        Image stored(outW, outH, 3);
+        for (int y = 0; y < outH; ++y) {
+            std::memcpy(stored.row(y), &rows[static_cast<size_t>(y) * static_cast<size_t>(stride)],
+                        stored.rowBytes());
         }
-        image = turned(upright, rotation);
+        image = turned(stored, rotation);
     }
 
     std::string name;
@@ -329,11 +332,13 @@ struct VideoReader::Parts {
     Owned<SwsContext> scaler;
     std::vector<uint8_t> rows;
     int codedWidth = 0, codedHeight = 0, rotation = 0;
+    ImageSize size;  // of the pictures that are given
     int64_t frames = 0;
     double time = 0;
 };
 
-VideoReader::VideoReader(const std::filesystem::path& path) : parts_(std::make_unique<Parts>()) {
+VideoReader::VideoReader(const std::filesystem::path& path, int mostRows)
+    : parts_(std::make_unique<Parts>()) {
     quiet();
     Parts& p = *parts_;
     p.name = path.string();
@@ -341,13 +346,15 @@ VideoReader::VideoReader(const std::filesystem::path& path) : parts_(std::make_u
 
     // Containers only: a playlist could name other files, and the network.
     AVDictionary* options = nullptr;
-    av_dict_set(&options, "format_whitelist", "mov,matroska,webm,avi,mpegts,mpeg,gif", 0);
+    av_dict_set(&options, "format_whitelist",
+                "mov,matroska,webm,avi,mpegts,mpeg,flv,ogg,asf,mxf,gif", 0);
     av_dict_set(&options, "protocol_whitelist", "file", 0);
     int code = avformat_open_input(&p.format, ("file:" + p.name).c_str(), nullptr, &options);
     av_dict_free(&options);
     if (code < 0) {
-        throwInput("{}: expected a video (MP4, MOV, MKV, WebM, AVI, MPEG or GIF): {}", p.name,
-                   errorText(code));
+        throwInput(
+            "{}: expected a video (MP4, MOV, MKV, WebM, AVI, MPEG, FLV, Ogg, ASF, MXF or GIF): {}",
+            p.name, errorText(code));
     }
     code = avformat_find_stream_info(p.format, nullptr);
     if (code < 0) throwInput("{}: the video is damaged: {}", p.name, errorText(code));
@@ -385,17 +392,31 @@ VideoReader::VideoReader(const std::filesystem::path& path) : parts_(std::make_u
             p.rotation = ((static_cast<int>(std::lround(degrees / 90)) * 90) % 360 + 360) % 360;
         }
     }
+
+    // Pixels that are not square are stretched to be; a shape that no camera has is not believed.
+    double width = p.codedWidth, height = p.codedHeight;
+    const AVRational aspect =
+        av_guess_sample_aspect_ratio(p.format, p.format->streams[index], nullptr);
+    const double stretch = aspect.num > 0 && aspect.den > 0 ? av_q2d(aspect) : 1;
+    if (stretch >= 1. / 4 && stretch <= 4) width *= stretch;
+    if (p.rotation % 180 != 0) std::swap(width, height);
+    if (mostRows > 0 && height > mostRows) {
+        width *= mostRows / height;
+        height = mostRows;
+    }
+    const auto side = [](double length) {
+        return static_cast<int>(std::clamp(std::lround(length), 1L, long{kMaxImageSide}));
+    };
+    p.size = {side(width), side(height)};
 }
 
 VideoReader::~VideoReader() = default;
 
-int VideoReader::width() const {
-    return parts_->rotation % 180 == 0 ? parts_->codedWidth : parts_->codedHeight;
-}
+int VideoReader::width() const { return parts_->size.width; }
 
-int VideoReader::height() const {
-    return parts_->rotation % 180 == 0 ? parts_->codedHeight : parts_->codedWidth;
-}
+int VideoReader::height() const { return parts_->size.height; }
+
+ImageSize VideoReader::storedSize() const { return {parts_->codedWidth, parts_->codedHeight}; }
 
 double VideoReader::framesPerSecond() const {
     const AVRational rate = parts_->stream->avg_frame_rate;

@@ -39,17 +39,21 @@ private:
     std::unique_ptr<Parts> parts_;
 };
 
-// Reads the first video stream of MP4, MOV, MKV, WebM, AVI, MPEG and GIF files, turned upright.
-// InputError names the file: missing, no video, damaged, cut short, sides over kMaxImageSide.
+// Reads the first video stream of MP4, MOV, MKV, WebM, AVI, MPEG, FLV, Ogg, ASF, MXF and GIF files,
+// turned upright, its pixels made square, its colours those of sRGB by the matrix and the range
+// that the file names. One frame is held at a time. InputError names the file: missing, no video,
+// damaged, cut short, sides over kMaxImageSide.
 class VideoReader {
 public:
-    explicit VideoReader(const std::filesystem::path& path);
+    // mostRows: pictures that are higher are scaled to this height; 0: any.
+    explicit VideoReader(const std::filesystem::path& path, int mostRows = 0);
     ~VideoReader();
     VideoReader(const VideoReader&) = delete;
     VideoReader& operator=(const VideoReader&) = delete;
 
-    int width() const;  // of the upright picture
+    int width() const;  // of the upright picture, as next() gives it
     int height() const;
+    ImageSize storedSize() const;    // before all that
     double framesPerSecond() const;  // the mean rate; 0 where the file does not say
     int64_t frameCount() const;      // as the file says; −1 where it does not
     int rotation() const;  // by how many degrees clockwise frames are turned: 0, 90, 180 or 270

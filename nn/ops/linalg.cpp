@@ -143,12 +143,15 @@ GemmParams gemmParams(const Gemm& g) {
 // Of the kernels: none, one per column, one per row.
 uint32_t biasKind(const Gemm& g) { return !g.bias ? 0 : g.biasPerRow ? 2 : 1; }
 
+// Of the kernels: none, to positive numbers, to [0, 6].
+uint32_t clampKind(const Gemm& g) { return g.relu6 ? 2 : g.relu ? 1 : 0; }
+
 constexpr int64_t kNarrow = 4;  // columns at most, see gemm_narrow.comp
 
 // Whether the product is one of gemm_narrow.comp's.
 bool isNarrow(const Gemm& g, const Plan& p) {
     bool shape = p.onCpu && !p.halves && g.n <= kNarrow && g.batch == 1 && !g.panelsA &&
-                 !g.panelsB && !g.relu && !g.accumulate &&
+                 !g.panelsB && clampKind(g) == 0 && !g.accumulate &&
                  divisible(4, {g.lda, g.startA, g.ldb, g.startB});
     if (g.transA) return shape && !g.transB && !g.bias && g.m >= 64 && g.m % 4 == 0;
     return shape && g.m >= 256 && g.k >= 4 && g.k % 4 == 0;
@@ -323,7 +326,7 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
     Specialisation spec{{"local_size", p.lanes},
                         {"kAccumulate", !split && g.accumulate},
                         {"kBias", split ? 0 : biasKind(g)},
-                        {"kRelu", !split && g.relu},
+                        {"kClamp", split ? 0 : clampKind(g)},
                         {"kScaled", bool(largest)}};
     if (!largest) largest = graph.none();
     graph.expectFlops(flops(g));
@@ -341,7 +344,7 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
         spec["kMatrixN"] = p.matrices->n;
         spec["kMatrixK"] = p.matrices->k;
         spec["kDirect"] = g.m % p.rows == 0 && g.n % p.columns() == 0 &&
-                          (split || (!g.accumulate && !g.bias && !g.relu));
+                          (split || (!g.accumulate && !g.bias && clampKind(g) == 0));
         graph.dispatchGroups(
             "linalg/gemm_matrix.tile",
             {{"a", left}, {"b", right}, {"c", out}, {"bias", bias}, {"largest", largest}}, params,
@@ -385,9 +388,10 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
                             .parts = u32(p.parts),
                             .byRows = divisorOf(uint64_t(g.m)),
                             .byColumns = divisorOf(uint64_t(g.n))};
-    graph.dispatch("linalg/gemm_reduce.sum", {{"partial", out}, {"c", c}, {"bias", bias}}, reduce,
-                   static_cast<uint64_t>(strideCPart),
-                   {{"kAccumulate", g.accumulate}, {"kBias", biasKind(g)}, {"kRelu", g.relu}});
+    graph.dispatch(
+        "linalg/gemm_reduce.sum", {{"partial", out}, {"c", c}, {"bias", bias}}, reduce,
+        static_cast<uint64_t>(strideCPart),
+        {{"kAccumulate", g.accumulate}, {"kBias", biasKind(g)}, {"kClamp", clampKind(g)}});
     if (narrow && g.sums) sumAxis(graph, sums, 1, p.parts, g.m, g.sums);
 }
 

@@ -24,7 +24,8 @@ struct Gemm {
     int64_t batch = 1, strideA = 0, strideB = 0, strideC = 0;
     Tensor bias;  // added to every row [n], or, biasPerRow, to every column [m]
     bool biasPerRow = false;
-    bool relu = false;  // C = max(0, all of that)
+    bool relu = false;   // C = max(0, all of that)
+    bool relu6 = false;  // C = min(6, max(0, all of that))
     // [m]: the sums of op(A) over k too, where A lies transposed in one packed matrix.
     Tensor sums;
     // With mixed precision, from largestMagnitude(): of A or B, where it is made of gradients,

@@ -1,4 +1,4 @@
-// C = op(A) op(B) (+ bias) (+ C), or the positive part of it; A is [m, k], B [k, n], batches of
+// C = op(A) op(B) (+ bias) (+ C), or that clamped (kClamp); A is [m, k], B [k, n], batches of
 // them.
 //
 // A workgroup makes a tile of kRows rows; each lane sums 2 kPairs columns of it in registers:
@@ -43,7 +43,7 @@ layout(constant_id = 7) const bool kQuadA = false;
 layout(constant_id = 8) const bool kQuadB = false;
 layout(constant_id = 9) const bool kEvenC = false;
 layout(constant_id = 10) const uint kLanes = 8;
-layout(constant_id = 11) const bool kRelu = false;
+layout(constant_id = 11) const uint kClamp = 0;  // 1: to positive numbers, 2: to [0, 6]
 // A and B are panels of halves, two to a word; A or B was multiplied by halfScale(largest).
 layout(constant_id = 12) const bool kHalves = false;
 layout(constant_id = 13) const bool kScaled = false;
@@ -243,13 +243,15 @@ ENTRY(tile) {
 #if CPU
                 if (kEvenC) {
                     if (kAccumulate) v += unpackPair(cPairs.d[at / 2]);
-                    if (kRelu) v = max(v, vec2(0));
+                    if (kClamp > 0) v = max(v, vec2(0));
+                    if (kClamp > 1) v = min(v, vec2(6));
                     cPairs.d[at / 2] = packPair(v);
                     continue;
                 }
 #endif
                 if (kAccumulate) v += vec2(c.d[at], both ? c.d[at + 1] : 0);
-                if (kRelu) v = max(v, vec2(0));
+                if (kClamp > 0) v = max(v, vec2(0));
+                if (kClamp > 1) v = min(v, vec2(6));
                 c.d[at] = v.x;
                 if (both) c.d[at + 1] = v.y;
             }

@@ -1,4 +1,4 @@
-// C = A B (+ bias) (+ C), or the positive part of it, on matrix units: A [m, k] and B [k, n] as
+// C = A B (+ bias) (+ C), or that clamped (kClamp), on matrix units: A [m, k] and B [k, n] as
 // panels of halves (common/panels.h), C in single precision; batches of them. A workgroup is one
 // subgroup and makes a tile of kMatrixFragments squared of the device's matrices, whose sums stay
 // in registers; panels are as wide as the tile. Elsewhere gemm.comp computes the same sums.
@@ -18,7 +18,7 @@ BUFFER(4, readonly, uint, largest);  // [1], see kScaled
 
 layout(constant_id = 1) const bool kAccumulate = false;
 layout(constant_id = 2) const uint kBias = 0;  // 1: one per column, 2: one per row
-layout(constant_id = 3) const bool kRelu = false;
+layout(constant_id = 3) const uint kClamp = 0;  // 1: to positive numbers, 2: to [0, 6]
 // A or B was multiplied by halfScale(largest).
 layout(constant_id = 4) const bool kScaled = false;
 // Tiles are whole and results go to memory as they are.
@@ -75,7 +75,9 @@ ENTRY(tile) {
                 if (kBias == 1) v += bias.d[s];
                 if (kBias == 2) v += bias.d[r];
                 if (kAccumulate) v += c.d[at];
-                c.d[at] = kRelu ? max(v, 0.0) : v;
+                if (kClamp > 0) v = max(v, 0.0);
+                if (kClamp > 1) v = min(v, 6.0);
+                c.d[at] = v;
             }
             barrier();
         }

@@ -1,5 +1,5 @@
 // C = the sum of the parts into which a product's sums over k were cut (gemm.comp) (+ bias) (+ C),
-// or the positive part of it; the parts in order, for the same bits every run.
+// or that clamped (kClamp); the parts in order, for the same bits every run.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
@@ -11,7 +11,7 @@ BUFFER(2, readonly, float, bias);     // [n] or [m]
 
 layout(constant_id = 1) const bool kAccumulate = false;
 layout(constant_id = 2) const uint kBias = 0;  // 1: one per column, 2: one per row
-layout(constant_id = 3) const bool kRelu = false;
+layout(constant_id = 3) const uint kClamp = 0;  // 1: to positive numbers, 2: to [0, 6]
 
 ENTRY(sum) {
     uint i = linearIndex();
@@ -24,5 +24,7 @@ ENTRY(sum) {
     if (kBias == 1) total += bias.d[column];
     if (kBias == 2) total += bias.d[row];
     if (kAccumulate) total += c.d[at];
-    c.d[at] = kRelu ? max(total, 0) : total;
+    if (kClamp > 0) total = max(total, 0.0);
+    if (kClamp > 1) total = min(total, 6.0);
+    c.d[at] = total;
 }

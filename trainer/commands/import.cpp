@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "engine/device.h"
+#include "engine/io/image.h"
 #include "trainer/avatar/avatar.h"
 #include "trainer/commands/command.h"
 #include "trainer/data/body_render.h"
@@ -22,8 +23,12 @@ void runImport(const ImportOptions& options) {
     Device device(options.common.deviceOptions());
     BodyPoser poser(device, body);
     MeshDrawer drawer(device, body);
+    ImportSettings settings = options.settings;
+    settings.request.device = &device;
+    settings.request.body = &body;
+    settings.request.net = poseNetByName(options.net, "--pose");
     const ImportResult result = importCapture(
-        options.settings,
+        settings,
         [&](const Camera& camera, const Theta& theta, const Trans& trans, const Betas& betas) {
             Drawing drawing = drawer.drawShaded(poser.pose(theta, trans, betas).verts, camera);
             BodyPicture picture{std::move(drawing.mask), {}};
@@ -44,6 +49,11 @@ void runImport(const ImportOptions& options) {
                                     {"masks_keyed", result.keyedMasks}};
         if (capture.keypoints) json["keypoints"] = capture.keypoints->scheme;
         if (masks > 0) json["iou"] = result.meanIou;
+        json["fps"] = capture.fps;
+        for (const char* said : {"masks", "left_out", "cuts", "swaps", "camera"}) {
+            if (const auto at = capture.source.find(said); at != capture.source.end())
+                json[said] = at->second;
+        }
         printJson(json);
         return;
     }
@@ -51,10 +61,16 @@ void runImport(const ImportOptions& options) {
     std::cout << fmt::format("{}: {} frames of {}×{} from the layout {}\n",
                              options.settings.out.string(), capture.size(), camera.width,
                              camera.height, result.layout);
+    for (const auto& [said, what] : {std::pair{"left_out", "left out"},
+                                     {"cuts", "cuts at"},
+                                     {"swaps", "swaps"},
+                                     {"camera", "camera"}}) {
+        if (const auto at = capture.source.find(said); at != capture.source.end())
+            std::cout << fmt::format("{}: {}\n", what, at->second);
+    }
     if (masks > 0) {
-        std::cout << fmt::format(
-            "masks: {} given, {} keyed; IoU of the unfitted body with them {:.3f}\n",
-            result.givenMasks, result.keyedMasks, result.meanIou);
+        std::cout << fmt::format("masks: {}; IoU of the unfitted body with them {:.3f}\n",
+                                 capture.source.at("masks"), result.meanIou);
     } else {
         std::cout
             << "masks: none; fit and train need them (--key makes them from a green screen)\n";
@@ -68,7 +84,7 @@ void runImport(const ImportOptions& options) {
 namespace {
 
 void declareFlags(CommandFlags& flags, ImportOptions& o) {
-    flags.path("SRC", o.settings.request.source, "Folder to read")->required();
+    flags.path("SRC", o.settings.request.source, "Video or folder to read")->required();
     flags.path("--out", o.settings.out, "Capture to write")->required();
     flags->add_flag("--key", o.settings.request.key,
                     "Make masks from a green screen for frames that have none");
@@ -76,6 +92,31 @@ void declareFlags(CommandFlags& flags, ImportOptions& o) {
         ->capture_default_str()
         ->check(CLI::Range(.01, 1000.));
     flags.frames(o.settings.request.frames, "Frames to take");
+    ClipOptions& clip = o.settings.request.clip;
+    flags->add_option("--from", clip.from, "Of a clip: seconds at which to begin")
+        ->check(CLI::NonNegativeNumber);
+    flags->add_option("--to", clip.to, "Of a clip: seconds at which to end")
+        ->check(CLI::PositiveNumber);
+    flags->add_option("--every", clip.every, "Of a clip: take each so many frames")
+        ->capture_default_str()
+        ->check(CLI::Range(1, 1000000));
+    flags
+        ->add_option("--rows", clip.rows,
+                     "Of a clip: height to which higher frames are scaled; a frame of 1080 rows "
+                     "takes 1 to 3 MB")
+        ->capture_default_str()
+        ->check(CLI::Range(64, kMaxImageSide));
+    flags->add_flag("--keep-similar", clip.keepSimilar,
+                    "Of a clip: keep duplicates and blurred frames");
+    flags
+        ->add_option("--pose", o.net, "Of a clip: network that finds the person: lite, full, heavy")
+        ->capture_default_str();
+    flags
+        ->add_option("--person", o.settings.request.person,
+                     "Of a clip: which of the people in the first frame, from left to right; 0: "
+                     "the largest")
+        ->capture_default_str()
+        ->check(CLI::Range(0, 100));
     flags.body(o.body);
     flags->add_flag("!--no-overlays", o.settings.overlays, "Leave the overlay pictures out");
 }
@@ -83,13 +124,14 @@ void declareFlags(CommandFlags& flags, ImportOptions& o) {
 const Command<ImportOptions> kImport{{
     .name = "import",
     .place = 20,
-    .summary = "Bring another program's layout into a capture",
+    .summary = "Bring a video or another program's layout into a capture",
     .description =
-        "Brings another program's layout into a capture. The layout is detected: the Human\n"
-        "Retargeting dataset's (images/, smpl_pose/*_body.pkl, segmentations/ if there are "
-        "any),\nor a capture of Doppel's own. Draws the given pose over each frame "
-        "(overlay.jpg, overlays/).",
-    .example = "doppel import retargeting/box --out box --key",
+        "Brings a video, a folder of pictures or another program's layout into a capture. What it\n"
+        "is, is detected: a video or its frames, in which the person is found with networks that\n"
+        "`scripts/setup --models` fetches; the Human Retargeting dataset's layout (images/,\n"
+        "smpl_pose/*_body.pkl, segmentations/ if there are any); a capture of Doppel's own. Draws\n"
+        "the pose over each frame (overlay.jpg, overlays/).",
+    .example = "doppel import clip.mp4 --out me --every 3",
     .flags = declareFlags,
     .run = runImport,
 }};

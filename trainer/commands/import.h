@@ -11,7 +11,8 @@ namespace doppel {
 struct ImportOptions {
     CommonOptions common;
     ImportSettings settings;
-    std::string body;  // "default", "default-full" or a file
+    std::string net = "heavy";  // poseNetByName
+    std::string body;           // "default", "default-full" or a file
 };
 
 void runImport(const ImportOptions& options);

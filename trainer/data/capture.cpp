@@ -122,7 +122,7 @@ Capture Capture::subset(std::span<const size_t> indices) const {
     part.name = name;
     part.actor = actor;
     part.motion = motion;
-    part.fps = fps;
+    part.fps = selectedRate(fps, indices);
     part.betas = betas;
     part.source = source;
     part.sourceBetas = sourceBetas;

@@ -64,7 +64,7 @@ struct Capture {
 
     size_t size() const { return frames.size(); }
     bool hasMasks() const;  // every frame has one
-    // These frames, in this order.
+    // These frames, in this order, at the rate that keeps the motion's speed.
     Capture subset(std::span<const size_t> indices) const;
     // InputError that names the first frame without a mask and says what to do.
     void requireMasks() const;

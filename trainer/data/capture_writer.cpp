@@ -17,14 +17,14 @@ CaptureWriter::CaptureWriter(const fs::path& folder) : output_(folder, "capture"
 void CaptureWriter::copyImage(const std::string& name, const fs::path& file) {
     createFolders(output_.folder() / "images");
     const fs::path place = fs::path("images") / (name + file.extension().string());
-    copyFile(file, output_.folder() / place);
+    if (file != output_.folder() / place) copyFile(file, output_.folder() / place);
     images_[name] = place;
 }
 
 void CaptureWriter::copyMask(const std::string& name, const fs::path& file) {
     createFolders(output_.folder() / "masks");
     const fs::path place = fs::path("masks") / (name + file.extension().string());
-    copyFile(file, output_.folder() / place);
+    if (file != output_.folder() / place) copyFile(file, output_.folder() / place);
     masks_[name] = place;
 }
 

@@ -26,6 +26,7 @@ public:
     // The temporary folder, for whatever else belongs to the capture (overlays).
     const std::filesystem::path& folder() const { return output_.folder(); }
 
+    // A file that is in its place already stays there.
     void copyImage(const std::string& name, const std::filesystem::path& file);
     void copyMask(const std::string& name, const std::filesystem::path& file);
     // PNG. rgb: [H][W][3], mask: [H][W], > 0 the person.

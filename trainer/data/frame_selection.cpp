@@ -32,6 +32,11 @@ bool naturallyBefore(const std::string& a, const std::string& b) {
     return a < b;
 }
 
+double selectedRate(double fps, std::span<const size_t> indices) {
+    if (indices.size() < 2 || indices.back() <= indices.front()) return fps;
+    return fps * double(indices.size() - 1) / double(indices.back() - indices.front());
+}
+
 std::vector<size_t> selectFrames(std::string_view text, size_t count, std::string_view what) {
     const auto wrong = [&] {
         throwInput(

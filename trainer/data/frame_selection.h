@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -14,6 +15,10 @@ namespace doppel {
 // nothing is left. `what` names the flag.
 std::vector<size_t> selectFrames(std::string_view text, size_t count,
                                  std::string_view what = "--frames");
+
+// Frames per second of these of a sequence's frames, ascending, so that a motion lasts as long as
+// it did: by the mean distance between them. One frame alone keeps fps.
+double selectedRate(double fps, std::span<const size_t> indices);
 
 // "frame9" before "frame10": runs of digits count as numbers.
 bool naturallyBefore(const std::string& a, const std::string& b);

@@ -31,10 +31,12 @@ std::vector<size_t> evenly(size_t count, size_t most) {
 }  // namespace
 
 ImportResult importCapture(const ImportSettings& settings, const DrawBody& drawBody) {
-    ImportSource source = readImportSource(settings.request);
+    CaptureWriter writer(settings.out);
+    ImportRequest request = settings.request;
+    request.workspace = writer.folder();
+    ImportSource source = readImportSource(request);
     Capture& capture = source.capture;
     const size_t frames = capture.size();
-    CaptureWriter writer(settings.out);
     FrameCache cache(capture, size_t{64} << 20);
     const auto draw = [&](size_t f) {
         BodyPicture body =
@@ -125,10 +127,11 @@ ImportResult importCapture(const ImportSettings& settings, const DrawBody& drawB
     capture.source["command"] =
         settings.commandLine.empty() ? "doppel import" : settings.commandLine;
     capture.source["program"] = fmt::format("doppel {}", kVersion);
-    capture.source["masks"] = result.givenMasks == frames   ? "given"
-                              : result.keyedMasks == frames ? "keyed"
-                              : result.keyedMasks > 0       ? "given and keyed"
-                                                            : "none";
+    // A clip's importer has said where its masks are from.
+    capture.source.try_emplace("masks", result.givenMasks == frames   ? "given"
+                                        : result.keyedMasks == frames ? "keyed"
+                                        : result.keyedMasks > 0       ? "given and keyed"
+                                                                      : "none");
     result.capture = writer.commit(capture);
     return result;
 }

@@ -48,8 +48,8 @@ ImportSource readImportSource(const ImportRequest& request) {
     }
     std::error_code error;
     if (!fs::is_directory(source, error)) {
-        throwInput("{}: expected a folder to import, found {}", source.string(),
-                   fs::exists(source, error) ? "a file" : "nothing");
+        throwInput("{}: expected a video or a folder to import, found {}", source.string(),
+                   fs::exists(source, error) ? "neither" : "nothing");
     }
     throwInput("{}: expected a known layout: {}; found {}", source.string(),
                fmt::join(looks, ", or "), found(source));

@@ -4,7 +4,11 @@
 #include <filesystem>
 #include <string>
 
+#include "engine/device.h"
+#include "nn/body/body.h"
 #include "trainer/data/capture.h"
+#include "trainer/import/clip.h"
+#include "trainer/person/blazepose.h"
 
 namespace doppel {
 
@@ -14,9 +18,17 @@ struct ImportRequest {
     std::string frames;  // selectFrames; empty: all
     double fps = 30;     // of the recording, where the layout does not say
     bool key = false;    // frames without a mask will get one
+
+    // Of a clip, whose frames and person have to be found first:
+    ClipOptions clip;  // frames and fps are those above
+    PoseNet net = PoseNet::Heavy;
+    int person = 0;                   // see PersonTracker
+    Device* device = nullptr;         // that networks run on
+    const BodyModel* body = nullptr;  // that is posed
+    std::filesystem::path workspace;  // where frames (images/) and masks (masks/) go
 };
 
-// A capture whose files are still where they were.
+// A capture whose files are still where they were, or in the request's workspace.
 struct ImportSource {
     Capture capture;
     std::string layout;  // its importer's name

@@ -143,7 +143,8 @@ Capture readRetargeting(const ImportRequest& request) {
     const bool masked = isFolder(folder / "segmentations");
     Capture capture;
     std::optional<size_t> keypointCount;
-    for (size_t i : selectFrames(request.frames, images.size())) {
+    const std::vector<size_t> chosen = selectFrames(request.frames, images.size());
+    for (size_t i : chosen) {
         Frame frame;
         frame.image = images[i];
         frame.name = images[i].stem().string();
@@ -202,7 +203,7 @@ Capture readRetargeting(const ImportRequest& request) {
     const fs::path absolute = fs::absolute(folder).lexically_normal();
     capture.name =
         (absolute.has_filename() ? absolute : absolute.parent_path()).filename().string();
-    capture.fps = request.fps;
+    capture.fps = selectedRate(request.fps, chosen);
     return capture;
 }
 

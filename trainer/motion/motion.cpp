@@ -6,6 +6,7 @@
 #include <fstream>
 
 #include "engine/error.h"
+#include "trainer/data/frame_selection.h"
 
 namespace doppel {
 namespace fs = std::filesystem;
@@ -48,7 +49,7 @@ MotionFormat::MotionFormat(const Declaration& declaration) {
 }
 
 Motion Motion::subset(std::span<const size_t> indices) const {
-    Motion part{source, name, fps, {}, {}, betas, {}};
+    Motion part{source, name, selectedRate(fps, indices), {}, {}, betas, {}};
     for (size_t i : indices) {
         CHECK(i < size(), "frame {} is one of the motion's {}", i, size());
         part.theta.push_back(theta[i]);

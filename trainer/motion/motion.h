@@ -24,6 +24,7 @@ struct Motion {
     std::vector<Camera> cameras;
 
     size_t size() const { return theta.size(); }
+    // These frames, at the rate that keeps the motion's speed.
     Motion subset(std::span<const size_t> indices) const;
 };
 

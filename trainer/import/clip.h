@@ -1,0 +1,70 @@
+// Pictures in the order of time, from a video or a folder, and which of them are worth keeping.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <limits>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "engine/io/image.h"
+
+namespace doppel {
+
+struct ClipOptions {
+    double from = 0, to = std::numeric_limits<double>::infinity();  // seconds: [from, to)
+    int64_t every = 1;         // of the pictures between them: the first, and each so many
+    std::string frames;        // selectFrames, of all pictures; empty: all
+    int rows = 1080;           // pictures that are higher are scaled to this height
+    double fps = 30;           // of a folder's pictures
+    bool keepSimilar = false;  // duplicates and blurred pictures stay
+};
+
+// Reads one picture at a time, so that memory does not depend on the length. InputErrors name the
+// file: see VideoReader and readImage; a folder's pictures have one size.
+class Clip {
+public:
+    Clip(const std::filesystem::path& source, const ClipOptions& options);
+    ~Clip();
+
+    // The next picture, 3 channels, upright; false at the end.
+    bool next(Image& picture);
+    double time() const;       // of that picture, seconds from the first
+    std::string name() const;  // for errors
+    int64_t expected() const;  // pictures, as far as is known; −1: not known
+
+private:
+    struct Source;
+    std::unique_ptr<Source> source_;
+};
+
+// Names of a folder's pictures (PNG, JPEG, TIFF, WebP, BMP) in natural order; empty: none there.
+std::vector<std::filesystem::path> picturesOfFolder(const std::filesystem::path& folder);
+
+enum class Fate : uint8_t {
+    Kept,
+    Outside,    // of the times, the frames or the steps that were asked for
+    Duplicate,  // shows what the last kept one shows
+    Blurred,    // far less sharp than those about it
+};
+
+struct ClipFrame {
+    double time = 0;  // seconds from the first picture
+    Fate fate = Fate::Kept;
+    bool cut = false;  // shows another scene than the one before
+};
+
+// What one pass over the clip finds, of each picture. InputError where nothing is left.
+std::vector<ClipFrame> surveyClip(const std::filesystem::path& source, const ClipOptions& options);
+
+// The rate of those that are kept: by their times, so that what was left out does not make a
+// motion faster. `otherwise`, where there is only one.
+double keptRate(const std::vector<ClipFrame>& frames, double otherwise);
+
+// "12 duplicates, 3 blurred"; empty where nothing was left out but what was not asked for.
+std::string leftOut(const std::vector<ClipFrame>& frames);
+// "3.20 s (frame 96)", with commas; empty: none.
+std::string cutsOf(const std::vector<ClipFrame>& frames);
+
+}  // namespace doppel

@@ -1,0 +1,269 @@
+#include "trainer/person/blazepose.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <numeric>
+
+#include "engine/error.h"
+#include "nn/core/graph.h"
+#include "nn/nets/tflite_net.h"
+
+namespace doppel {
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr int kDetectorSide = 224, kLandmarkSide = 256, kHeatSide = 64;
+constexpr size_t kBoxNumbers = 12;
+constexpr double kLeastScore = .5, kMostOverlap = .3;
+
+const char* detectorFile() { return "pose_detection.tflite"; }
+std::string landmarkFile(PoseNet net) {
+    return std::string("pose_landmark_") + poseNetName(net) + ".tflite";
+}
+
+double logistic(double x) { return 1 / (1 + std::exp(-x)); }
+
+// Centres of the anchors in [0, 1]: cells of grids, row by row, some to each cell.
+std::vector<Point2> anchors() {
+    std::vector<Point2> centres;
+    for (const auto& [side, each] : {std::pair{28, 2}, {14, 2}, {7, 6}})
+        for (int y = 0; y < side; ++y)
+            for (int x = 0; x < side; ++x)
+                for (int i = 0; i < each; ++i)
+                    centres.push_back({(x + .5) / side, (y + .5) / side});
+    return centres;
+}
+
+// A detection in [0, 1] of the square: two corners, then the keypoints.
+struct Candidate {
+    double score;
+    std::array<Point2, 6> points;
+};
+
+double overlap(const Candidate& a, const Candidate& b) {
+    double shared = 1, areaA = 1, areaB = 1;
+    for (size_t i : {0u, 1u}) {
+        const double low = std::max(a.points[0][i], b.points[0][i]);
+        const double high = std::min(a.points[1][i], b.points[1][i]);
+        shared *= std::max(0., high - low);
+        areaA *= a.points[1][i] - a.points[0][i];
+        areaB *= b.points[1][i] - b.points[0][i];
+    }
+    const double all = areaA + areaB - shared;
+    return all > 0 ? shared / all : 0;
+}
+
+}  // namespace
+
+size_t oppositeLandmark(size_t number) {
+    if (number == landmark::kNose || number >= landmark::kCount) return number;
+    if (number <= 6) return number <= 3 ? number + 3 : number - 3;
+    return number % 2 ? number + 1 : number - 1;
+}
+
+PoseNet poseNetByName(std::string_view name, std::string_view where) {
+    for (PoseNet net : {PoseNet::Lite, PoseNet::Full, PoseNet::Heavy})
+        if (name == poseNetName(net)) return net;
+    throwInput("{}: expected lite, full or heavy, found \"{}\"", where, name);
+}
+
+const char* poseNetName(PoseNet net) {
+    return net == PoseNet::Lite ? "lite" : net == PoseNet::Full ? "full" : "heavy";
+}
+
+fs::path poseModelFolder() {
+    const char* folder = std::getenv("DOPPEL_MODELS");
+    return folder && *folder ? folder : DOPPEL_MODEL_DIR;
+}
+
+bool poseModelsAreThere(PoseNet net, const fs::path& folder) {
+    std::error_code error;
+    return fs::exists(folder / detectorFile(), error) &&
+           fs::exists(folder / landmarkFile(net), error);
+}
+
+// ---- running ------------------------------------------------------------------------------------
+
+struct BlazePose::Net {
+    Net(Device& device, const fs::path& file, int side) : graph(device) {
+        const TfliteModel model = readTflite(file);
+        x = graph.input({1, 3, side, side});
+        outputs = tfliteNet(graph, model, x);
+        for (const Tensor& output : outputs) graph.output(output);
+        graph.compile();
+    }
+
+    // InputError where the file is another network's.
+    void require(const std::vector<int64_t>& elements, const fs::path& file) const {
+        bool same = outputs.size() == elements.size();
+        for (size_t i = 0; same && i < elements.size(); ++i)
+            same = outputs[i].elements() == elements[i];
+        if (!same) throwInput("{}: expected another network's outputs", file.string());
+    }
+
+    Graph graph;
+    Tensor x;
+    std::vector<Tensor> outputs;
+};
+
+BlazePose::BlazePose(Device& device, PoseNet net, fs::path folder)
+    : device_(device), net_(net), folder_(std::move(folder)) {}
+
+BlazePose::~BlazePose() = default;
+
+void BlazePose::requireModels() const {
+    for (const fs::path& file : {folder_ / detectorFile(), folder_ / landmarkFile(net_)}) {
+        std::error_code error;
+        if (fs::exists(file, error)) continue;
+        throwInput(
+            "{}: expected a network that finds people, found nothing; run scripts/setup --models, "
+            "which fetches it, or set DOPPEL_MODELS to its folder",
+            file.string());
+    }
+}
+
+BlazePose::Net& BlazePose::detector() {
+    if (!detector_) {
+        const fs::path file = folder_ / detectorFile();
+        detector_ = std::make_unique<Net>(device_, file, kDetectorSide);
+        const auto boxes = int64_t(anchors().size());
+        detector_->require({boxes * int64_t(kBoxNumbers), boxes}, file);
+    }
+    return *detector_;
+}
+
+BlazePose::Net& BlazePose::landmarker() {
+    if (!landmarker_) {
+        const fs::path file = folder_ / landmarkFile(net_);
+        landmarker_ = std::make_unique<Net>(device_, file, kLandmarkSide);
+        constexpr int64_t kAll = landmark::kAll;
+        landmarker_->require(
+            {5 * kAll, 1, kRoiMaskSide * kRoiMaskSide, kAll * kHeatSide * kHeatSide, 3 * kAll},
+            file);
+    }
+    return *landmarker_;
+}
+
+std::array<std::vector<float>, 2> BlazePose::runDetector(std::vector<float> rgb) {
+    Net& net = detector();
+    for (float& v : rgb) v = 2 * v - 1;
+    net.graph.write(net.x, rgb);
+    net.graph.run();
+    return {net.graph.read(net.outputs[0]), net.graph.read(net.outputs[1])};
+}
+
+std::array<std::vector<float>, 5> BlazePose::runLandmarks(const std::vector<float>& rgb) {
+    Net& net = landmarker();
+    net.graph.write(net.x, rgb);
+    net.graph.run();
+    std::array<std::vector<float>, 5> raw;
+    for (size_t i = 0; i < raw.size(); ++i) raw[i] = net.graph.read(net.outputs[i]);
+    return raw;
+}
+
+std::vector<Detection> BlazePose::detect(const Image& rgb) {
+    const auto raw =
+        runDetector(crop(rgb, roiOfPicture(rgb.width, rgb.height), kDetectorSide, Outside::Black));
+    return detections(raw[0], raw[1], rgb.width, rgb.height);
+}
+
+PersonLandmarks BlazePose::landmarks(const Image& rgb, const Roi& roi) {
+    return landmarksOf(runLandmarks(crop(rgb, roi, kLandmarkSide, Outside::Edge)), roi);
+}
+
+// ---- what the numbers mean ----------------------------------------------------------------------
+
+std::vector<Detection> detections(const std::vector<float>& boxes, const std::vector<float>& scores,
+                                  int width, int height) {
+    static const std::vector<Point2> centres = anchors();
+    CHECK(scores.size() == centres.size() && boxes.size() == kBoxNumbers * scores.size(),
+          "there are {} boxes", centres.size());
+    std::vector<Candidate> candidates;
+    for (size_t a = 0; a < centres.size(); ++a) {
+        const double score = logistic(std::clamp(double(scores[a]), -100., 100.));
+        if (!(score >= kLeastScore)) continue;
+        Candidate candidate{score, {}};
+        const float* r = &boxes[a * kBoxNumbers];
+        bool real = true;
+        for (size_t i : {0u, 1u}) {
+            const double middle = double(r[i]) / kDetectorSide + centres[a][i];
+            const double size = double(r[2 + i]) / kDetectorSide;
+            real = real && size >= 0;
+            candidate.points[0][i] = middle - size / 2;
+            candidate.points[1][i] = middle + size / 2;
+            for (size_t k = 0; k < 4; ++k)
+                candidate.points[2 + k][i] =
+                    double(r[4 + 2 * k + i]) / kDetectorSide + centres[a][i];
+        }
+        if (real) candidates.push_back(candidate);
+    }
+    std::stable_sort(candidates.begin(), candidates.end(),
+                     [](const Candidate& a, const Candidate& b) { return a.score > b.score; });
+    // Those that overlap the best are one person, whose numbers are their mean by scores.
+    const Roi square = roiOfPicture(width, height);
+    std::vector<Detection> people;
+    while (!candidates.empty()) {
+        const Candidate best = candidates.front();
+        std::array<Point2, 6> mean{};
+        double total = 0;
+        std::vector<Candidate> others;
+        for (const Candidate& candidate : candidates) {
+            if (&candidate != &candidates.front() && overlap(best, candidate) <= kMostOverlap) {
+                others.push_back(candidate);
+                continue;
+            }
+            total += candidate.score;
+            for (size_t p = 0; p < mean.size(); ++p)
+                for (size_t i : {0u, 1u}) mean[p][i] += candidate.score * candidate.points[p][i];
+        }
+        for (Point2& point : mean) point = square.toPicture({point[0] / total, point[1] / total});
+        people.push_back({best.score, {mean[0], mean[1]}, {mean[2], mean[3], mean[4], mean[5]}});
+        candidates = std::move(others);
+    }
+    return people;
+}
+
+PersonLandmarks landmarksOf(std::array<std::vector<float>, 5> raw, const Roi& roi) {
+    const auto& [points, presence, mask, heat, world] = raw;
+    PersonLandmarks person;
+    person.roi = roi;
+    person.presence = double(presence[0]);
+    const double c = std::cos(roi.rotation), s = std::sin(roi.rotation);
+    for (size_t i = 0; i < landmark::kAll; ++i) {
+        const float* p = &points[5 * i];
+        double x = double(p[0]) / kLandmarkSide, y = double(p[1]) / kLandmarkSide;
+        // A heat map's mean about the point, where it is sure of itself.
+        const double column = x * kHeatSide, row = y * kHeatSide;
+        if (column >= 0 && row >= 0 && column < kHeatSide && row < kHeatSide) {
+            const int c0 = int(column), r0 = int(row);
+            double sum = 0, sumX = 0, sumY = 0, most = 0;
+            for (int r = std::max(r0 - 3, 0); r <= std::min(r0 + 3, kHeatSide - 1); ++r) {
+                for (int k = std::max(c0 - 3, 0); k <= std::min(c0 + 3, kHeatSide - 1); ++k) {
+                    const double v =
+                        logistic(double(heat[(i * kHeatSide + size_t(r)) * kHeatSide + size_t(k)]));
+                    sum += v;
+                    sumX += v * k;
+                    sumY += v * r;
+                    most = std::max(most, v);
+                }
+            }
+            if (most >= .5) {
+                x = sumX / sum / kHeatSide;
+                y = sumY / sum / kHeatSide;
+            }
+        }
+        Landmark& point = person.points[i];
+        const Point2 at = roi.toPicture({x, y});
+        point.picture = {at[0], at[1], double(p[2]) / kLandmarkSide * roi.side};
+        const double wx = double(world[3 * i]), wy = double(world[3 * i + 1]);
+        point.world = {wx * c - wy * s, wx * s + wy * c, double(world[3 * i + 2])};
+        point.visibility = logistic(double(p[3]));
+        point.presence = logistic(double(p[4]));
+    }
+    person.mask = std::move(raw[2]);
+    return person;
+}
+
+}  // namespace doppel

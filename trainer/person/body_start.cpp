@@ -1,0 +1,314 @@
+#include "trainer/person/body_start.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+namespace doppel {
+
+namespace {
+
+using glm::dmat3;
+using glm::dquat;
+using glm::dvec3;
+using namespace landmark;
+
+constexpr double kPi = std::numbers::pi;
+
+// A frame with this x axis, and its y axis as near to `up` as that leaves.
+dmat3 frameOf(const dvec3& x, const dvec3& up) {
+    const dvec3 a = glm::normalize(x);
+    const dvec3 c = glm::normalize(glm::cross(a, up));
+    return {a, glm::cross(c, a), c};
+}
+
+// The smallest rotation that takes one direction to the other.
+dquat swing(const dvec3& from, const dvec3& to) {
+    return {glm::normalize(from), glm::normalize(to)};
+}
+
+// At most so many radians of it.
+dquat atMost(const dquat& rotation, double most) {
+    const dvec3 turn = axisAngleOf(rotation);
+    const double angle = glm::length(turn);
+    return angle <= most ? rotation : quaternionOf(turn * (most / angle));
+}
+
+dvec3 withoutPart(const dvec3& v, const dvec3& along) {
+    const dvec3 a = glm::normalize(along);
+    return v - glm::dot(v, a) * a;
+}
+
+// A point of a body, in metres about its middle, and where it is seen.
+struct Seen {
+    dvec3 point;
+    Landmark landmark;
+};
+
+// The translation that puts the points where they are seen, in the mean square; residual: pixels.
+// f (x + tx) / (z + tz) = u − cx is linear in t once multiplied out; weighed by 1 / (z + tz), of
+// the turn before, the errors are pixels.
+dvec3 stand(const std::vector<Seen>& seen, const Camera& camera, double* residual = nullptr) {
+    dvec3 t(0, 0, 3);
+    for (int turn = 0; turn < 5; ++turn) {
+        Eigen::Matrix3d normal = Eigen::Matrix3d::Identity() * 1e-9;
+        Eigen::Vector3d right = Eigen::Vector3d::Zero();
+        for (const auto& [point, landmark] : seen) {
+            const double depth = std::max(point.z + t.z, .1);
+            const double u = landmark.picture[0] - camera.cx, v = landmark.picture[1] - camera.cy;
+            const Eigen::Vector3d rowU(camera.fx, 0, -u), rowV(0, camera.fy, -v);
+            const double weight = landmark.visibility * landmark.presence + .01;
+            const double w = weight / (depth * depth);
+            normal += w * (rowU * rowU.transpose() + rowV * rowV.transpose());
+            right += w * (rowU * (u * point.z - camera.fx * point.x) +
+                          rowV * (v * point.z - camera.fy * point.y));
+        }
+        const Eigen::Vector3d solved = normal.ldlt().solve(right);
+        t = {solved[0], solved[1], std::max(solved[2], .3)};
+    }
+    if (residual) {
+        double squares = 0, weights = 0;
+        for (const auto& [point, landmark] : seen) {
+            const dvec3 p = point + t;
+            const auto uv = camera.project({p.x, p.y, std::max(p.z, .1)});
+            const double weight = landmark.visibility * landmark.presence + .01;
+            squares += weight * (std::pow(uv[0] - landmark.picture[0], 2) +
+                                 std::pow(uv[1] - landmark.picture[1], 2));
+            weights += weight;
+        }
+        *residual = std::sqrt(squares / weights);
+    }
+    return t;
+}
+
+}  // namespace
+
+Camera guessedCamera(int width, int height) {
+    const double focal = std::max(width, height) / (2 * std::tan(kPi / 6));
+    return {focal, focal, width / 2., height / 2., width, height};
+}
+
+std::optional<size_t> landmarkOfJoint(size_t number) {
+    switch (number) {
+        case joint::kLeftHip:
+            return kLeftHip;
+        case joint::kRightHip:
+            return kRightHip;
+        case joint::kLeftKnee:
+            return kLeftKnee;
+        case joint::kRightKnee:
+            return kRightKnee;
+        case joint::kLeftAnkle:
+            return kLeftAnkle;
+        case joint::kRightAnkle:
+            return kRightAnkle;
+        case joint::kLeftShoulder:
+            return kLeftShoulder;
+        case joint::kRightShoulder:
+            return kRightShoulder;
+        case joint::kLeftElbow:
+            return kLeftElbow;
+        case joint::kRightElbow:
+            return kRightElbow;
+        case joint::kLeftWrist:
+            return kLeftWrist;
+        case joint::kRightWrist:
+            return kRightWrist;
+        default:
+            return {};
+    }
+}
+
+BodyPoser3d::BodyPoser3d(const BodyModel& body) {
+    const std::vector<double> joints = restJoints(body, std::vector<double>(10));
+    for (size_t j = 0; j < joint::kCount; ++j) {
+        parents_[j] = body.parents[j];
+        rest_[j] = {joints[3 * j], joints[3 * j + 1], joints[3 * j + 2]};
+    }
+}
+
+BodyStart BodyPoser3d::operator()(const PersonLandmarks& person, const Camera& camera) const {
+    // Across and down the picture is surer than the landmarks in space, of which only depths are
+    // taken. What they measure puts the hips at a distance, in metres of their own.
+    std::vector<Seen> seen;
+    for (size_t i = kLeftShoulder; i < kCount; ++i) {
+        const Point3& p = person.points[i].world;
+        seen.push_back({{p[0], p[1], p[2]}, person.points[i]});
+    }
+    const double distance = stand(seen, camera).z;
+    const auto at = [&](size_t i) {
+        const Landmark& point = person.points[i];
+        const double depth = std::max(distance + point.world[2], .1 * distance);
+        return dvec3((point.picture[0] - camera.cx) / camera.fx * depth,
+                     (point.picture[1] - camera.cy) / camera.fy * depth, point.world[2]);
+    };
+    const auto bone = [&](size_t from, size_t to) { return at(to) - at(from); };
+    const auto restBone = [&](size_t from, size_t to) { return rest_[to] - rest_[from]; };
+    std::array<dquat, joint::kCount> turned;  // in the parent's frame
+    turned.fill(dquat(1, 0, 0, 0));
+
+    // Trunk: the pelvis by the hips, the chest by the shoulders, and between them the spine.
+    const dvec3 up = (at(kLeftShoulder) + at(kRightShoulder) - at(kLeftHip) - at(kRightHip)) / 2.;
+    const dvec3 restUp = (rest_[joint::kLeftShoulder] + rest_[joint::kRightShoulder] -
+                          rest_[joint::kLeftHip] - rest_[joint::kRightHip]) /
+                         2.;
+    const dmat3 hips = frameOf(bone(kRightHip, kLeftHip), up) *
+                       glm::transpose(frameOf(restBone(joint::kRightHip, joint::kLeftHip), restUp));
+    const dmat3 shoulders =
+        frameOf(bone(kRightShoulder, kLeftShoulder), up) *
+        glm::transpose(frameOf(restBone(joint::kRightShoulder, joint::kLeftShoulder), restUp));
+    const dquat pelvis = glm::quat_cast(hips);
+    const dquat twist = atMost(glm::inverse(pelvis) * glm::quat_cast(shoulders), 1.2);
+    turned[joint::kPelvis] = pelvis;
+    const dquat third = quaternionOf(axisAngleOf(twist) / 3.);
+    turned[joint::kSpine1] = turned[joint::kSpine2] = turned[joint::kSpine3] = third;
+    const dquat chest = pelvis * third * third * third;
+
+    // Head: ears, and the nose before them and a little below.
+    const dvec3 ears = bone(kRightEar, kLeftEar);
+    const dvec3 nose = at(kNose) - (at(kLeftEar) + at(kRightEar)) / 2.;
+    const dmat3 head =
+        frameOf(ears, glm::cross(nose, ears)) *
+        glm::transpose(frameOf({1, 0, 0}, glm::cross(dvec3(0, -.25, 1), dvec3(1, 0, 0))));
+    const dquat nod = atMost(glm::inverse(chest) * glm::quat_cast(head), 1.2);
+    const dquat half = quaternionOf(axisAngleOf(nod) / 2.);
+    turned[joint::kNeck] = turned[joint::kHead] = half;
+
+    // A limb's upper bone points where the landmarks do; about itself it is turned so that the
+    // plane of its hinge is the one in which the limb is bent, as far as it is bent.
+    struct Limb {
+        size_t upper, lower, end;        // joints
+        size_t upperAt, lowerAt, endAt;  // landmarks
+        dvec3 bends;                     // where the lower bone goes from the rest pose
+    };
+    const Limb limbs[] = {
+        {joint::kLeftShoulder,
+         joint::kLeftElbow,
+         joint::kLeftWrist,
+         kLeftShoulder,
+         kLeftElbow,
+         kLeftWrist,
+         {0, 0, 1}},
+        {joint::kRightShoulder,
+         joint::kRightElbow,
+         joint::kRightWrist,
+         kRightShoulder,
+         kRightElbow,
+         kRightWrist,
+         {0, 0, 1}},
+        {joint::kLeftHip,
+         joint::kLeftKnee,
+         joint::kLeftAnkle,
+         kLeftHip,
+         kLeftKnee,
+         kLeftAnkle,
+         {0, 0, -1}},
+        {joint::kRightHip,
+         joint::kRightKnee,
+         joint::kRightAnkle,
+         kRightHip,
+         kRightKnee,
+         kRightAnkle,
+         {0, 0, -1}},
+    };
+    for (const Limb& limb : limbs) {
+        const bool leg = limb.upper == joint::kLeftHip || limb.upper == joint::kRightHip;
+        const dquat parent = leg ? pelvis : chest, back = glm::inverse(parent);
+        const dvec3 upper = back * bone(limb.upperAt, limb.lowerAt);
+        const dvec3 lower = back * bone(limb.lowerAt, limb.endAt);
+        const dvec3 restUpper = restBone(limb.upper, limb.lower);
+        const dvec3 restLower = restBone(limb.lower, limb.end);
+        const dquat straight = swing(restUpper, upper);
+        const dvec3 restPlane = glm::normalize(withoutPart(limb.bends, restUpper));
+        // The sine of the bend weighs against what an unbent limb does: a leg's plane is then its
+        // foot's, an arm's that of the smallest turn.
+        const dvec3 bent = withoutPart(lower, upper) / glm::length(lower);
+        dvec3 plane = straight * restPlane;
+        if (leg) {
+            const bool left = limb.upper == joint::kLeftHip;
+            const dvec3 foot =
+                back * (left ? bone(kLeftHeel, kLeftFootTip) : bone(kRightHeel, kRightFootTip));
+            plane += -2. * withoutPart(foot, upper) / std::max(glm::length(foot), 1e-6);
+            plane = glm::normalize(plane);
+        }
+        plane = .3 * plane + bent * std::min(1., glm::length(bent) / .3);
+        const dquat hinge = glm::quat_cast(frameOf(upper, withoutPart(plane, upper)) *
+                                           glm::transpose(frameOf(restUpper, restPlane)));
+        turned[limb.upper] = hinge;
+        turned[limb.lower] = atMost(swing(restLower, glm::inverse(hinge) * lower), 2.8);
+        if (!leg) continue;
+        const bool left = limb.upper == joint::kLeftHip;
+        const dvec3 foot = left ? bone(kLeftHeel, kLeftFootTip) : bone(kRightHeel, kRightFootTip);
+        dvec3 restFoot = restBone(limb.end, left ? joint::kLeftFoot : joint::kRightFoot);
+        restFoot.y = 0;  // soles are flat on the ground
+        const dquat shin = parent * hinge * turned[limb.lower];
+        turned[limb.end] = atMost(swing(restFoot, glm::inverse(shin) * foot), .8);
+    }
+
+    // Joints about the pelvis, in the camera's axes.
+    std::array<dquat, joint::kCount> global;
+    std::array<dvec3, joint::kCount> place;
+    for (size_t j = 0; j < joint::kCount; ++j) {
+        const int parent = parents_[j];
+        global[j] = parent < 0 ? turned[j] : global[size_t(parent)] * turned[j];
+        place[j] = parent < 0 ? dvec3(0)
+                              : place[size_t(parent)] +
+                                    global[size_t(parent)] * (rest_[j] - rest_[size_t(parent)]);
+    }
+    seen.clear();
+    for (size_t j = 0; j < joint::kCount; ++j)
+        if (const auto number = landmarkOfJoint(j))
+            seen.push_back({place[j], person.points[*number]});
+    BodyStart start;
+    const dvec3 t = stand(seen, camera, &start.residual);
+    for (size_t j = 0; j < joint::kCount; ++j) setJointRotation(start.theta, j, turned[j]);
+    // The pelvis stands at rest_0 + trans.
+    for (size_t k = 0; k < 3; ++k)
+        start.trans[k] = float(t[glm::length_t(k)] - rest_[0][glm::length_t(k)]);
+    return start;
+}
+
+std::array<float, 75> openPoseKeypoints(const PersonLandmarks& person) {
+    std::array<float, 75> keypoints{};
+    const auto put = [&](size_t k, std::initializer_list<size_t> from) {
+        double x = 0, y = 0, sure = 1;
+        for (size_t i : from) {
+            const Landmark& point = person.points[i];
+            x += point.picture[0] / double(from.size());
+            y += point.picture[1] / double(from.size());
+            sure = std::min(sure, point.visibility * point.presence);
+        }
+        keypoints[3 * k] = float(x);
+        keypoints[3 * k + 1] = float(y);
+        keypoints[3 * k + 2] = float(sure);
+    };
+    put(0, {kNose});
+    put(1, {kLeftShoulder, kRightShoulder});
+    put(8, {kLeftHip, kRightHip});
+    constexpr std::array<std::pair<size_t, size_t>, 18> kPairs{{{2, kRightShoulder},
+                                                                {3, kRightElbow},
+                                                                {4, kRightWrist},
+                                                                {5, kLeftShoulder},
+                                                                {6, kLeftElbow},
+                                                                {7, kLeftWrist},
+                                                                {9, kRightHip},
+                                                                {10, kRightKnee},
+                                                                {11, kRightAnkle},
+                                                                {12, kLeftHip},
+                                                                {13, kLeftKnee},
+                                                                {14, kLeftAnkle},
+                                                                {15, kRightEye},
+                                                                {16, kLeftEye},
+                                                                {17, kRightEar},
+                                                                {18, kLeftEar},
+                                                                {19, kLeftFootTip},
+                                                                {22, kRightFootTip}}};
+    for (const auto& [k, i] : kPairs) put(k, {i});
+    put(21, {kLeftHeel});
+    put(24, {kRightHeel});
+    return keypoints;
+}
+
+}  // namespace doppel

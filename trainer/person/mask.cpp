@@ -1,0 +1,180 @@
+#include "trainer/person/mask.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/error.h"
+
+namespace doppel {
+
+namespace {
+
+// Of the square's side: how far the network's edges are from the picture's.
+constexpr double kRadiusShare = 1. / 64;
+constexpr double kEpsilon = 5e-3;
+constexpr double kIsland = .05;  // of the largest part
+
+// Means over windows of 2 radius + 1 pixels a side, cut at the picture's border; by running sums.
+std::vector<double> windowMeans(const std::vector<double>& x, int width, int height, int radius) {
+    const auto w = size_t(width), h = size_t(height);
+    std::vector<double> across(x.size()), means(x.size());
+    const auto pass = [radius](const double* from, double* to, size_t count, size_t step) {
+        const auto n = std::ptrdiff_t(count);
+        double sum = 0;
+        for (std::ptrdiff_t i = 0; i < std::min<std::ptrdiff_t>(radius, n); ++i)
+            sum += from[size_t(i) * step];
+        for (std::ptrdiff_t i = 0; i < n; ++i) {
+            if (i + radius < n) sum += from[size_t(i + radius) * step];
+            if (i - radius > 0) sum -= from[size_t(i - radius - 1) * step];
+            const auto begin = std::max<std::ptrdiff_t>(i - radius, 0);
+            const auto end = std::min<std::ptrdiff_t>(i + radius, n - 1);
+            to[size_t(i) * step] = sum / double(end - begin + 1);
+        }
+    };
+    for (size_t y = 0; y < h; ++y) pass(&x[y * w], &across[y * w], w, 1);
+    for (size_t i = 0; i < w; ++i) pass(&across[i], &means[i], h, w);
+    return means;
+}
+
+// Leaves out what is not connected to the largest part, nor nearly as large.
+void dropIslands(std::vector<uint8_t>& mask, int width, int height) {
+    std::vector<int> part(mask.size(), -1);
+    std::vector<size_t> sizes, waiting;
+    for (size_t start = 0; start < mask.size(); ++start) {
+        if (!mask[start] || part[start] >= 0) continue;
+        const int number = int(sizes.size());
+        sizes.push_back(0);
+        waiting.push_back(start);
+        part[start] = number;
+        while (!waiting.empty()) {
+            const size_t at = waiting.back();
+            waiting.pop_back();
+            ++sizes.back();
+            const int x = int(at % size_t(width)), y = int(at / size_t(width));
+            for (const auto& [dx, dy] : {std::pair{1, 0}, {-1, 0}, {0, 1}, {0, -1}}) {
+                if (x + dx < 0 || x + dx >= width || y + dy < 0 || y + dy >= height) continue;
+                const size_t next = size_t(y + dy) * size_t(width) + size_t(x + dx);
+                if (!mask[next] || part[next] >= 0) continue;
+                part[next] = number;
+                waiting.push_back(next);
+            }
+        }
+    }
+    if (sizes.empty()) return;
+    const double least = kIsland * double(*std::ranges::max_element(sizes));
+    for (size_t i = 0; i < mask.size(); ++i)
+        if (part[i] >= 0 && double(sizes[size_t(part[i])]) < least) mask[i] = 0;
+}
+
+}  // namespace
+
+std::vector<float> personShare(const PersonLandmarks& person, int width, int height) {
+    constexpr int kSide = kRoiMaskSide;
+    CHECK(person.mask.size() == size_t(kSide) * kSide, "a mask is [{},{}]", kSide, kSide);
+    std::vector<float> inside(person.mask.size());
+    for (size_t i = 0; i < inside.size(); ++i) inside[i] = 1 / (1 + std::exp(-person.mask[i]));
+    std::vector<float> share(size_t(width) * size_t(height));
+    const auto at = [&](int x, int y) {
+        return inside[size_t(std::clamp(y, 0, kSide - 1)) * kSide +
+                      size_t(std::clamp(x, 0, kSide - 1))];
+    };
+    for (int y = 0; y < height; ++y) {
+        for (int x = 0; x < width; ++x) {
+            const Point2 p = person.roi.fromPicture({x + .5, y + .5});
+            if (p[0] < 0 || p[1] < 0 || p[0] >= 1 || p[1] >= 1) continue;
+            const double u = p[0] * kSide - .5, v = p[1] * kSide - .5;
+            const int u0 = int(std::floor(u)), v0 = int(std::floor(v));
+            const auto a = float(u - u0), b = float(v - v0);
+            share[size_t(y) * size_t(width) + size_t(x)] =
+                (1 - b) * ((1 - a) * at(u0, v0) + a * at(u0 + 1, v0)) +
+                b * ((1 - a) * at(u0, v0 + 1) + a * at(u0 + 1, v0 + 1));
+        }
+    }
+    return share;
+}
+
+std::vector<float> guidedFilter(const Image& rgb, const std::vector<float>& share, int radius,
+                                double epsilon) {
+    const int w = rgb.width, h = rgb.height;
+    const size_t n = size_t(w) * size_t(h);
+    CHECK(rgb.channels == 3 && share.size() == n && radius >= 1, "a share has the picture's size");
+    const auto means = [&](const std::vector<double>& x) { return windowMeans(x, w, h, radius); };
+    std::array<std::vector<double>, 3> colour, mean, covariance;
+    std::array<std::array<std::vector<double>, 3>, 3> colours;
+    const std::vector<double> p(share.begin(), share.end());
+    const std::vector<double> meanP = means(p);
+    std::vector<double> product(n);
+    for (size_t c = 0; c < 3; ++c) {
+        colour[c].resize(n);
+        for (size_t i = 0; i < n; ++i) colour[c][i] = rgb.data[3 * i + c] / 255.;
+        mean[c] = means(colour[c]);
+        for (size_t i = 0; i < n; ++i) product[i] = colour[c][i] * p[i];
+        covariance[c] = means(product);
+        for (size_t i = 0; i < n; ++i) covariance[c][i] -= mean[c][i] * meanP[i];
+    }
+    for (size_t c = 0; c < 3; ++c)
+        for (size_t d = c; d < 3; ++d) {
+            for (size_t i = 0; i < n; ++i) product[i] = colour[c][i] * colour[d][i];
+            colours[c][d] = means(product);
+            for (size_t i = 0; i < n; ++i) colours[c][d][i] -= mean[c][i] * mean[d][i];
+        }
+    // In each window share ≈ a · colour + b, by least squares.
+    std::array<std::vector<double>, 3> a{std::vector<double>(n), std::vector<double>(n),
+                                         std::vector<double>(n)};
+    std::vector<double> b(n);
+    for (size_t i = 0; i < n; ++i) {
+        const double xx = colours[0][0][i] + epsilon, yy = colours[1][1][i] + epsilon,
+                     zz = colours[2][2][i] + epsilon;
+        const double xy = colours[0][1][i], xz = colours[0][2][i], yz = colours[1][2][i];
+        const double cxx = yy * zz - yz * yz, cxy = xz * yz - xy * zz, cxz = xy * yz - xz * yy;
+        const double cyy = xx * zz - xz * xz, cyz = xy * xz - xx * yz, czz = xx * yy - xy * xy;
+        const double determinant = xx * cxx + xy * cxy + xz * cxz;
+        const double r = covariance[0][i], g = covariance[1][i], k = covariance[2][i];
+        a[0][i] = (cxx * r + cxy * g + cxz * k) / determinant;
+        a[1][i] = (cxy * r + cyy * g + cyz * k) / determinant;
+        a[2][i] = (cxz * r + cyz * g + czz * k) / determinant;
+        b[i] = meanP[i] - a[0][i] * mean[0][i] - a[1][i] * mean[1][i] - a[2][i] * mean[2][i];
+    }
+    const std::vector<double> meanB = means(b);
+    std::vector<float> result(n);
+    for (size_t c = 0; c < 3; ++c) a[c] = means(a[c]);
+    for (size_t i = 0; i < n; ++i) {
+        result[i] = float(a[0][i] * colour[0][i] + a[1][i] * colour[1][i] + a[2][i] * colour[2][i] +
+                          meanB[i]);
+    }
+    return result;
+}
+
+std::vector<uint8_t> personMask(const PersonLandmarks& person, const Image& rgb) {
+    const std::vector<float> share = personShare(person, rgb.width, rgb.height);
+    std::vector<uint8_t> mask(share.size());
+    // Filtered in the rectangle where the person may be.
+    int left = rgb.width, top = rgb.height, right = 0, bottom = 0;
+    const int radius = std::max(1, int(std::lround(person.roi.side * kRadiusShare)));
+    for (int y = 0; y < rgb.height; ++y)
+        for (int x = 0; x < rgb.width; ++x) {
+            if (share[size_t(y) * size_t(rgb.width) + size_t(x)] < .02f) continue;
+            left = std::min(left, x), right = std::max(right, x + 1);
+            top = std::min(top, y), bottom = std::max(bottom, y + 1);
+        }
+    if (right <= left) return mask;
+    left = std::max(left - 2 * radius, 0), right = std::min(right + 2 * radius, rgb.width);
+    top = std::max(top - 2 * radius, 0), bottom = std::min(bottom + 2 * radius, rgb.height);
+    Image part(right - left, bottom - top, 3);
+    std::vector<float> shares(size_t(part.width) * size_t(part.height));
+    for (int y = 0; y < part.height; ++y) {
+        std::copy_n(rgb.pixel(left, top + y), part.rowBytes(), part.row(y));
+        std::copy_n(&share[size_t(top + y) * size_t(rgb.width) + size_t(left)], part.width,
+                    &shares[size_t(y) * size_t(part.width)]);
+    }
+    const std::vector<float> led = guidedFilter(part, shares, radius, kEpsilon);
+    std::vector<uint8_t> whole(led.size());
+    for (size_t i = 0; i < led.size(); ++i) whole[i] = led[i] >= .5f ? 255 : 0;
+    dropIslands(whole, part.width, part.height);
+    for (int y = 0; y < part.height; ++y)
+        std::copy_n(&whole[size_t(y) * size_t(part.width)], part.width,
+                    &mask[size_t(top + y) * size_t(rgb.width) + size_t(left)]);
+    return mask;
+}
+
+}  // namespace doppel
