@@ -299,6 +299,7 @@ Preset fewSteps() {
     preset.mesh.steps = 3;
     preset.texture.size = 64;
     preset.texture.textureSize = 64;
+    preset.texture.block = 1;
     preset.texture.depth = 6;
     preset.texture.width = 4;
     preset.texture.steps = 4;

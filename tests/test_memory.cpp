@@ -55,6 +55,7 @@ protected:
         preset.mesh.layers = 2;
         preset.mesh.hidden = 16;
         preset.texture.textureSize = 64;
+        preset.texture.block = 1;
         preset.texture.depth = preset.refine.depth = 6;
         preset.texture.width = preset.refine.width = 4;
         preset.refine.discriminatorWidth = 2;

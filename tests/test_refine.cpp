@@ -28,6 +28,7 @@ Preset tinyPreset() {
     Preset preset = presetByName("ci");
     preset.texture.size = 64;
     preset.texture.textureSize = 64;
+    preset.texture.block = 1;
     preset.texture.depth = 6;
     preset.texture.width = 4;
     preset.texture.steps = 60;

@@ -37,11 +37,12 @@ Preset tinyPreset() {
     preset.mesh.steps = 25;
     preset.texture.size = 64;
     preset.texture.textureSize = 64;
-    preset.texture.depth = 6;
+    preset.texture.block = 2;
+    preset.texture.depth = 5;
     preset.texture.width = 4;
     preset.texture.steps = 80;
     preset.refine.size = 64;
-    preset.refine.depth = 6;
+    preset.refine.depth = 5;
     preset.refine.width = 4;
     preset.refine.discriminatorWidth = 2;
     preset.refine.faceSize = 16;
@@ -439,7 +440,7 @@ TEST_F(Resume, NewTexelsEndTheTextureThatWasPaintedOverTheOldOnes) {
     // They have the texture's size, whichever stage is asked for.
     options.restart = false;
     options.preset.texture.textureSize = 32;
-    options.preset.texture.depth = 5;
+    options.preset.texture.depth = 4;
     expectInputError([&] { runTrain(options); }, "texels.textureSize = 64, and this run has 32");
     options.stages = {"texture"};
     options.restart = true;

@@ -165,7 +165,7 @@ Preset presetByName(std::string_view name) {
         preset.fit.passes = 25;
         preset.fit.sigma = 1e-6;
         preset.shape.steps = 200;
-        preset.texels.steps = 300;
+        preset.texels.steps = 350;
         preset.texels.samples = 2;
         preset.mesh.blocks = 2;
         preset.mesh.layers = 3;

@@ -16,8 +16,7 @@
 
 namespace doppel {
 
-void runImport(const ImportOptions& options) {
-    catchInterrupts();
+ImportResult bringIn(const ImportOptions& options) {
     requireApart(options.settings.out, {options.settings.request.source, bodyFile(options.body)});
     const BodyModel body = bodyFromNpz(readBodyArrays(options.body));
     Device device(options.common.deviceOptions());
@@ -27,20 +26,22 @@ void runImport(const ImportOptions& options) {
     settings.request.device = &device;
     settings.request.body = &body;
     settings.request.net = poseNetByName(options.net, "--pose");
-    const ImportResult result = importCapture(
-        settings,
-        [&](const Camera& camera, const Theta& theta, const Trans& trans, const Betas& betas) {
-            Drawing drawing = drawer.drawShaded(poser.pose(theta, trans, betas).verts, camera);
-            BodyPicture picture{std::move(drawing.mask), {}};
-            // Shades of grey: one channel tells all.
-            for (size_t i = 0; i < drawing.rgb.size(); i += 3) {
-                picture.shade.push_back(drawing.rgb[i]);
-            }
-            return picture;
-        });
+    return importCapture(settings, [&](const Camera& camera, const Theta& theta, const Trans& trans,
+                                       const Betas& betas) {
+        Drawing drawing = drawer.drawShaded(poser.pose(theta, trans, betas).verts, camera);
+        BodyPicture picture{std::move(drawing.mask), {}};
+        // Shades of grey: one channel tells all.
+        for (size_t i = 0; i < drawing.rgb.size(); i += 3) {
+            picture.shade.push_back(drawing.rgb[i]);
+        }
+        return picture;
+    });
+}
 
+void runImport(const ImportOptions& options) {
+    catchInterrupts();
+    const ImportResult result = bringIn(options);
     const Capture& capture = result.capture;
-    const size_t masks = result.givenMasks + result.keyedMasks;
     if (options.common.json) {
         nlohmann::ordered_json json{{"out", options.settings.out.string()},
                                     {"layout", result.layout},
@@ -48,7 +49,7 @@ void runImport(const ImportOptions& options) {
                                     {"masks_given", result.givenMasks},
                                     {"masks_keyed", result.keyedMasks}};
         if (capture.keypoints) json["keypoints"] = capture.keypoints->scheme;
-        if (masks > 0) json["iou"] = result.meanIou;
+        if (result.givenMasks + result.keyedMasks > 0) json["iou"] = result.meanIou;
         json["fps"] = capture.fps;
         for (const char* said : {"masks", "left_out", "cuts", "swaps", "camera"}) {
             if (const auto at = capture.source.find(said); at != capture.source.end())
@@ -57,6 +58,12 @@ void runImport(const ImportOptions& options) {
         printJson(json);
         return;
     }
+    printImport(options, result);
+}
+
+void printImport(const ImportOptions& options, const ImportResult& result) {
+    const Capture& capture = result.capture;
+    const size_t masks = result.givenMasks + result.keyedMasks;
     const Camera& camera = capture.frames[0].camera;
     std::cout << fmt::format("{}: {} frames of {}×{} from the layout {}\n",
                              options.settings.out.string(), capture.size(), camera.width,
@@ -81,11 +88,8 @@ void runImport(const ImportOptions& options) {
     }
 }
 
-namespace {
-
-void declareFlags(CommandFlags& flags, ImportOptions& o) {
+void declareImportFlags(CommandFlags& flags, ImportOptions& o) {
     flags.path("SRC", o.settings.request.source, "Video or folder to read")->required();
-    flags.path("--out", o.settings.out, "Capture to write")->required();
     flags->add_flag("--key", o.settings.request.key,
                     "Make masks from a green screen for frames that have none");
     flags->add_option("--fps", o.settings.request.fps, "Frames per second of the recording")
@@ -119,6 +123,13 @@ void declareFlags(CommandFlags& flags, ImportOptions& o) {
         ->check(CLI::Range(0, 100));
     flags.body(o.body);
     flags->add_flag("!--no-overlays", o.settings.overlays, "Leave the overlay pictures out");
+}
+
+namespace {
+
+void declareFlags(CommandFlags& flags, ImportOptions& o) {
+    flags.path("--out", o.settings.out, "Capture to write")->required();
+    declareImportFlags(flags, o);
 }
 
 const Command<ImportOptions> kImport{{

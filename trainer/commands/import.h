@@ -15,6 +15,15 @@ struct ImportOptions {
     std::string body;           // "default", "default-full" or a file
 };
 
+class CommandFlags;
+
+// Of what a source is made, and how it is brought in: all but where it goes.
+void declareImportFlags(CommandFlags& flags, ImportOptions& options);
+
+// Writes the capture.
+ImportResult bringIn(const ImportOptions& options);
+// What is worth knowing about it, on stdout.
+void printImport(const ImportOptions& options, const ImportResult& result);
 void runImport(const ImportOptions& options);
 
 }  // namespace doppel

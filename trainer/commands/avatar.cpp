@@ -1,0 +1,121 @@
+// `doppel avatar`: from a video to an avatar.
+#include <fstream>
+#include <iterator>
+
+#include "engine/files/atomic_file.h"
+#include "trainer/commands/command.h"
+#include "trainer/commands/import.h"
+#include "trainer/commands/train.h"
+#include "trainer/data/output_folder.h"
+#include "trainer/data/progress.h"
+#include "trainer/import/coverage.h"
+#include "trainer/stages/train.h"
+
+namespace doppel {
+namespace fs = std::filesystem;
+
+namespace {
+
+struct AvatarOptions {
+    CommonOptions common;
+    ImportOptions import;
+    fs::path out;
+    Preset preset;
+    bool restart = false;
+    uint64_t memoryBudget = 0;
+};
+
+// All that the capture depends on.
+std::string requestOf(const ImportOptions& options) {
+    const ImportRequest& r = options.settings.request;
+    const ClipOptions& clip = r.clip;
+    std::error_code ignored;
+    return fmt::format(
+        "source = {}\nbytes = {}\nkey = {}\nfps = {}\nframes = {}\nfrom = {}\nto = {}\nevery = {}\n"
+        "rows = {}\nkeep_similar = {}\npose = {}\nperson = {}\nbody = {}\n",
+        fs::absolute(r.source).lexically_normal().string(),
+        fs::is_regular_file(r.source, ignored) ? fs::file_size(r.source, ignored) : 0, r.key, r.fps,
+        r.frames, clip.from, clip.to, clip.every, clip.rows, clip.keepSimilar, options.net,
+        r.person, options.body);
+}
+
+std::string contentOf(const fs::path& path) {
+    std::ifstream file(path, std::ios::binary);
+    return {std::istreambuf_iterator<char>(file), {}};
+}
+
+// The capture in OUT/capture: what an earlier run of the same request left there, or a new one.
+void bringCaptureIn(const AvatarOptions& options) {
+    ImportOptions import = options.import;
+    import.common = options.common;
+    import.settings.out = options.out / "capture";
+    import.settings.commandLine = options.common.commandLine;
+    const fs::path request = options.out / "request.txt";
+    const std::string asked = requestOf(import), there = contentOf(request);
+    const bool finished = fs::exists(import.settings.out / "capture.toml");
+    if (finished && !options.restart) {
+        if (there == asked) {
+            fmt::print(stderr, "{}: it is there from an earlier run, and is taken\n",
+                       import.settings.out.string());
+            return;
+        }
+        throwInput(
+            "{}: expected a capture of the same clip with the same flags, found one of "
+            "others (request.txt beside it has them); --restart starts over, another --out keeps "
+            "it",
+            import.settings.out.string());
+    }
+    AtomicFile file(request);
+    file.write(asked);
+    file.commit();
+    const ImportResult result = bringIn(import);
+    if (!options.common.json) printImport(import, result);
+}
+
+void runAvatar(const AvatarOptions& options) {
+    catchInterrupts();
+    requireApart(options.out,
+                 {options.import.settings.request.source, bodyFile(options.import.body)});
+    claimFiles(options.out, "person", {"capture", "avatar", "request.txt"});
+    const FolderLock lock(options.out);
+    bringCaptureIn(options);
+    const std::string lacking = whatIsNotSeen(readCapture(options.out / "capture"));
+    if (!lacking.empty()) fmt::print(stderr, "{}\n", lacking);
+
+    TrainOptions train;
+    train.common = options.common;
+    train.capture = options.out / "capture";
+    train.out = options.out / "avatar";
+    train.body = options.import.body;
+    train.stages = stagesOf(options.preset, stageNames());
+    train.preset = options.preset;
+    train.restart = options.restart;
+    train.memoryBudget = options.memoryBudget;
+    runTrain(train);
+}
+
+void declareFlags(CommandFlags& flags, AvatarOptions& o) {
+    flags.precision();
+    flags.path("--out", o.out, "Folder for the person: capture/ and avatar/ in it")->required();
+    declareImportFlags(flags, o.import);
+    flags.preset("small");
+    flags->add_flag("--restart", o.restart, "Start over, also where something is finished");
+    flags.memory(o.memoryBudget);
+}
+
+const Command<AvatarOptions> kAvatar{{
+    .name = "avatar",
+    .place = 15,
+    .summary = "From a video to an avatar, in one go",
+    .description =
+        "Finds the person in a video (`doppel import`) and learns an avatar (`doppel train`), and\n"
+        "says what the video does not show. Stopped or killed, it goes on where it was when the\n"
+        "same command is given again.",
+    .example = "doppel avatar clip.mp4 --out me --every 3",
+    .flags = declareFlags,
+    .run = runAvatar,
+}};
+
+}  // namespace
+
+}  // namespace doppel
