@@ -99,6 +99,9 @@ TEST(Clip, DuplicatesBlursAndCuts) {
     EXPECT_EQ(leftOut(frames), "2 duplicates, 1 blurred");
     EXPECT_EQ(cutsOf(frames), "0.40 s (frame 8)");
     EXPECT_NEAR(keptRate(frames, 1), 8 / .55, 1e-3);
+    EXPECT_EQ(endsEarly(frames, .6), "");
+    EXPECT_EQ(endsEarly(frames, 4), "at 0.55 s of 4.00 s");
+    EXPECT_NEAR(Clip(file, {}).duration(), .6, 1e-3);
     EXPECT_EQ(kept(surveyClip(file, {.keepSimilar = true})), "kkkkkkkkkkkk");
 }
 

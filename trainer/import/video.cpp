@@ -134,6 +134,8 @@ Capture readClip(const ImportRequest& request) {
     std::string left = leftOut(frames);
     if (nobody > 0) left += fmt::format("{}{} without a person", left.empty() ? "" : ", ", nobody);
     if (!left.empty()) capture.source["left_out"] = left;
+    if (const std::string ends = endsEarly(frames, clip.duration()); !ends.empty())
+        capture.source["ends"] = ends;
     if (const std::string cuts = cutsOf(frames); !cuts.empty()) capture.source["cuts"] = cuts;
     if (swaps > 0) capture.source["swaps"] = fmt::format("{} of left and right, mended", swaps);
     return capture;
