@@ -418,10 +418,10 @@ TEST(ImportClip, AFilmBecomesACapture) {
     const Image mask = readMask(*capture.frames[0].mask);
     const Image wanted =
         readMask(fs::path(DOPPEL_SOURCE_DIR) / "tests/data/blazepose/scene_mask_tflite_c0.png");
-    EXPECT_EQ(mask.width, 640);
-    EXPECT_GT(mask.data[260 * 640 + 262], 0);
-    EXPECT_EQ(mask.data[20 * 640 + 620], 0);
-    EXPECT_EQ(wanted.width, 512);
+    ASSERT_EQ(mask.width, 640);
+    std::vector<uint8_t> figure;
+    for (int y = 0; y < 512; ++y) figure.insert(figure.end(), mask.row(y), mask.row(y) + 512);
+    EXPECT_GT(overlap(figure, wanted.data), .9);
 }
 
 // A drawn person whose joints are known.
