@@ -518,6 +518,19 @@ TEST(Render, PutsTheAvatarWhereThePersonWas) {
     EXPECT_EQ(readImage(options.out / "0000.png").data,
               readImage(scene.folder / "out" / "0001.png").data);
     EXPECT_FALSE(fs::exists(options.out / "0001.png"));
+    // A motion needs no masks: nothing tells what is behind the person, and it is grey.
+    fs::copy(scene.folder / "capture", scene.folder / "unmasked", fs::copy_options::recursive);
+    fs::remove_all(scene.folder / "unmasked" / "masks");
+    RenderOptions unmasked = options;
+    unmasked.motion = scene.folder / "unmasked";
+    unmasked.out = scene.folder / "unmasked-out";
+    runRender(unmasked);
+    expectColour(readImage(unmasked.out / "0000.png"), 0, 0, {127, 127, 127});
+    // Films are written as one kind.
+    unmasked.out = scene.folder / "film.avi";
+    expectInputError([&] { runRender(unmasked); }, "film.avi: expected FILE.mp4, or a folder");
+    EXPECT_FALSE(fs::exists(unmasked.out));
+
     options.camera = "turntable";
     options.size = 40;
     options.out = scene.folder / "grey";

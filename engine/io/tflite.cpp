@@ -246,7 +246,9 @@ private:
         }
         std::vector<size_t> places;
         for (size_t row = 0; row < rows; ++row) {
-            if (segments[row] > segments[row + 1]) bytes_.damaged();
+            if (segments[row] > segments[row + 1] || segments[row + 1] > segments.back()) {
+                bytes_.damaged();
+            }
             for (int64_t i = segments[row]; i < segments[row + 1]; ++i) {
                 const int64_t column = columns[size_t(i)];
                 if (column < 0 || column >= shape.back()) bytes_.damaged();

@@ -427,6 +427,13 @@ int64_t VideoReader::frameCount() const {
     return parts_->stream->nb_frames > 0 ? parts_->stream->nb_frames : -1;
 }
 
+double VideoReader::duration() const {
+    const AVStream& stream = *parts_->stream;
+    if (stream.duration > 0) return static_cast<double>(stream.duration) * av_q2d(stream.time_base);
+    const int64_t whole = parts_->format->duration;
+    return whole > 0 ? static_cast<double>(whole) / AV_TIME_BASE : 0;
+}
+
 int VideoReader::rotation() const { return parts_->rotation; }
 
 bool VideoReader::next(Image& frame) {

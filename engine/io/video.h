@@ -56,6 +56,7 @@ public:
     ImageSize storedSize() const;    // before all that
     double framesPerSecond() const;  // the mean rate; 0 where the file does not say
     int64_t frameCount() const;      // as the file says; −1 where it does not
+    double duration() const;         // seconds, as the file says; 0 where it does not
     int rotation() const;  // by how many degrees clockwise frames are turned: 0, 90, 180 or 270
 
     // The next frame, 3 channels, in `frame`; false at the end.

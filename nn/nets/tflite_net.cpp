@@ -58,10 +58,25 @@ private:
         return found;
     }
 
+    const Tensor& picture(int tensor) {
+        const Tensor& found = get(tensor);
+        if (found.shape.size() != 4 || found.dim(0) != 1) {
+            wrong("one picture", toString(found.shape));
+        }
+        return found;
+    }
+
     void set(int tensor, const Tensor& value) {
         const Shape shape = channelsFirst(info(tensor).shape);
         if (value.shape != shape) wrong(toString(shape), toString(value.shape));
         tensors_[size_t(tensor)] = value;
+    }
+
+    // Of an operator's result.
+    int64_t channelsOf(int tensor) const {
+        const Shape& shape = info(tensor).shape;
+        if (shape.size() != 4) wrong("a picture", toString(shape));
+        return shape.back();
     }
 
     // A constant of floats with this shape; −1: any side.
@@ -116,10 +131,10 @@ private:
         const auto explicitly = padded_.find(input);
         if (explicitly != padded_.end()) {
             if (op.same) wrong("padding VALID behind a PAD", "SAME");
-            return {get(explicitly->second.tensor), explicitly->second.borders};
+            return {picture(explicitly->second.tensor), explicitly->second.borders};
         }
         Borders borders;
-        const Tensor& x = get(input);
+        const Tensor& x = picture(input);
         if (op.same) {
             const SameWindows down(x.dim(2), u32(kernelH), u32(op.stride[0])),
                 across(x.dim(3), u32(kernelW), u32(op.stride[1]));
@@ -130,7 +145,7 @@ private:
     }
 
     void addConv(const TfliteOperator& op) {
-        const int64_t O = info(op.output).shape.back();
+        const int64_t O = channelsOf(op.output);
         const TfliteTensor& weight = constant(op.inputs[1], {O, -1, -1, -1});
         const int64_t kh = weight.shape[1], kw = weight.shape[2], C = weight.shape[3];
         const TfliteTensor& bias = constant(op.inputs[2], {O});
@@ -167,7 +182,7 @@ private:
     }
 
     void addDepthwise(const TfliteOperator& op) {
-        const int64_t C = info(op.output).shape.back();
+        const int64_t C = channelsOf(op.output);
         const TfliteTensor& weight = constant(op.inputs[1], {1, -1, -1, C});
         const TfliteTensor& bias = constant(op.inputs[2], {C});
         const int64_t kernel = weight.shape[1];
@@ -202,7 +217,7 @@ private:
             return;
         }
         if (sides[2] || sides[3] || sides[4] || sides[5]) wrong("channels or borders", "both");
-        const Tensor& x = get(op.inputs[0]);
+        const Tensor& x = picture(op.inputs[0]);
         const int64_t channels = x.dim(1), all = channels + sides[7], pixels = x.dim(2) * x.dim(3);
         const Tensor y = graph_.temporary({all, pixels});
         graph_.beginOp("pad channels");
@@ -248,19 +263,18 @@ private:
                 return set(op.output, clamped(doppel::add(graph_, a, b), op.relu6));
             }
             case TfliteKind::MaxPool: {
-                const Tensor& x = get(op.inputs[0]);
+                const Tensor& x = picture(op.inputs[0]);
                 if (op.stride != std::array<int64_t, 2>{2, 2} || x.dim(2) % 2 || x.dim(3) % 2)
                     wrong("windows 2x2 that fill an even picture", toString(x.shape));
                 return set(op.output, maxPool2d(graph_, x, 2, 2));
             }
             case TfliteKind::DepthToSpace: {
-                const Tensor& x = get(op.inputs[0]);
-                if (x.shape.size() != 4 || x.dim(1) % 4)
-                    wrong("channels for blocks of 2x2", toString(x.shape));
+                const Tensor& x = picture(op.inputs[0]);
+                if (x.dim(1) % 4) wrong("channels for blocks of 2x2", toString(x.shape));
                 return set(op.output, depthToSpace2(graph_, x));
             }
             case TfliteKind::ResizeBilinear: {
-                const Tensor& x = get(op.inputs[0]);
+                const Tensor& x = picture(op.inputs[0]);
                 const Shape out{1, x.dim(1), 2 * x.dim(2), 2 * x.dim(3)};
                 if (channelsFirst(info(op.output).shape) != out)
                     wrong("twice the size", info(op.output).name);

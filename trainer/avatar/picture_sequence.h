@@ -9,6 +9,10 @@
 
 namespace doppel {
 
+// Whether a name is that of a film, FILE.mp4, and not a folder's. InputError where it is that of a
+// film of another kind.
+bool isFilm(const std::filesystem::path& out);
+
 // FILE.mp4, or a folder of 0000.png, 0001.png, …; it appears whole with finish(), or not at all.
 // Errors as VideoWriter's and OutputFolder's.
 class PictureSequence {

@@ -100,8 +100,8 @@ double renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>
                    TextureKind texture) {
     CHECK(!shots.empty(), "there is something to render");
     for (const Shot& shot : shots)
-        if (out.extension() == ".mp4" && (shot.camera.width != shots[0].camera.width ||
-                                          shot.camera.height != shots[0].camera.height))
+        if (isFilm(out) && (shot.camera.width != shots[0].camera.width ||
+                            shot.camera.height != shots[0].camera.height))
             throwInput("{}: a film needs frames of one size; give --size or a folder",
                        out.string());
     PictureSequence pictures(out, shots[0].camera.width, shots[0].camera.height, fps);

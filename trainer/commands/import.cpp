@@ -51,7 +51,7 @@ void runImport(const ImportOptions& options) {
         if (capture.keypoints) json["keypoints"] = capture.keypoints->scheme;
         if (result.givenMasks + result.keyedMasks > 0) json["iou"] = result.meanIou;
         json["fps"] = capture.fps;
-        for (const char* said : {"masks", "left_out", "cuts", "swaps", "camera"}) {
+        for (const char* said : {"masks", "left_out", "ends", "cuts", "swaps", "camera"}) {
             if (const auto at = capture.source.find(said); at != capture.source.end())
                 json[said] = at->second;
         }
@@ -65,10 +65,11 @@ void printImport(const ImportOptions& options, const ImportResult& result) {
     const Capture& capture = result.capture;
     const size_t masks = result.givenMasks + result.keyedMasks;
     const Camera& camera = capture.frames[0].camera;
-    std::cout << fmt::format("{}: {} frames of {}×{} from the layout {}\n",
+    std::cout << fmt::format("{}: {} frames of {}×{}, {:.4g} a second, from the layout {}\n",
                              options.settings.out.string(), capture.size(), camera.width,
-                             camera.height, result.layout);
+                             camera.height, capture.fps, result.layout);
     for (const auto& [said, what] : {std::pair{"left_out", "left out"},
+                                     {"ends", "the file ends"},
                                      {"cuts", "cuts at"},
                                      {"swaps", "swaps"},
                                      {"camera", "camera"}}) {

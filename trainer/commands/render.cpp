@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "trainer/avatar/background.h"
+#include "trainer/avatar/picture_sequence.h"
 #include "trainer/avatar/rendering.h"
 #include "trainer/commands/command.h"
 #include "trainer/data/frame_selection.h"
@@ -31,7 +32,7 @@ Camera scaled(Camera camera, int size) {
 
 void runRender(const RenderOptions& options) {
     catchInterrupts();
-    const auto apart = options.out.extension() == ".mp4" ? requireFileApart : requireApart;
+    const auto apart = isFilm(options.out) ? requireFileApart : requireApart;
     apart(options.out, {options.avatar, options.motion, options.camera});
     Avatar avatar = readAvatar(options.avatar);
     TextureKind texture = textureKind(options.texture);
@@ -69,11 +70,18 @@ void runRender(const RenderOptions& options) {
     if (options.background == "capture") {
         bool ownCameras = options.camera == "capture" && options.size == 0;
         bool pictures = std::filesystem::is_directory(options.motion / "images");
-        if (!ownCameras || !pictures) {
+        if (ownCameras && pictures) capture = readCapture(options.motion);
+        if (capture && !capture->hasMasks()) {
+            fmt::print(stderr,
+                       "{}: it has no masks, which tell what is behind the person; the background "
+                       "is grey (--background takes another colour)\n",
+                       options.motion.string());
+            capture.reset();
+        }
+        if (!capture) {
             background = [&](size_t i) { return plainBackground("#7f7f7f", shots[i].camera); };
         } else {
             // The plate is of all frames: more of them show what is behind the person.
-            capture = readCapture(options.motion);
             frames = std::make_unique<FrameCache>(*capture);
             plate = std::make_unique<BackgroundPlate>(*capture, *frames);
             background = [&](size_t i) { return plate->behind(*frames->load(chosen[i])); };

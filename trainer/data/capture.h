@@ -11,6 +11,7 @@
 //     capture.toml             optional: name, actor and motion (of a capture in a collection, see
 //                              findCaptures), fps, frames (the names in order), [keypoints]
 //                              scheme, [source] how it was made
+//     landmarks.npz            of a clip: what networks saw of the person (docs/formats.md)
 //
 // Without capture.toml the frames are the files of images/ in the order of the numbers in their
 // names. In memory poses are always in camera space: an extrinsic is folded into them on reading.

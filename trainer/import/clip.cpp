@@ -120,7 +120,6 @@ std::vector<fs::path> picturesOfFolder(const fs::path& folder) {
 
 struct Clip::Source {
     std::optional<VideoReader> video;
-    std::string name;
     std::vector<fs::path> pictures;
     size_t next = 0;
     ImageSize size;  // of the first picture
@@ -131,7 +130,6 @@ struct Clip::Source {
 Clip::Clip(const fs::path& source, const ClipOptions& options)
     : source_(std::make_unique<Source>()) {
     Source& s = *source_;
-    s.name = source.string();
     s.rows = options.rows;
     s.fps = options.fps;
     std::error_code error;
@@ -175,7 +173,7 @@ bool Clip::next(Image& picture) {
 
 double Clip::time() const { return source_->time; }
 
-std::string Clip::name() const { return source_->name; }
+double Clip::duration() const { return source_->video ? source_->video->duration() : 0; }
 
 int64_t Clip::expected() const {
     return source_->video ? source_->video->frameCount() : int64_t(source_->pictures.size());
@@ -256,6 +254,13 @@ std::string leftOut(const std::vector<ClipFrame>& frames) {
         if (count > 0) parts.push_back(fmt::format("{} {}", count, what));
     }
     return fmt::format("{}", fmt::join(parts, ", "));
+}
+
+std::string endsEarly(const std::vector<ClipFrame>& frames, double duration) {
+    const double end = frames.empty() ? 0 : frames.back().time;
+    // Sound may go on for a moment.
+    if (end + std::max(.5, .05 * duration) >= duration) return {};
+    return fmt::format("at {:.2f} s of {:.2f} s", end, duration);
 }
 
 std::string cutsOf(const std::vector<ClipFrame>& frames) {

@@ -31,7 +31,7 @@ public:
     // The next picture, 3 channels, upright; false at the end.
     bool next(Image& picture);
     double time() const;       // of that picture, seconds from the first
-    std::string name() const;  // for errors
+    double duration() const;   // seconds, as a video says; 0: not known
     int64_t expected() const;  // pictures, as far as is known; −1: not known
 
 private:
@@ -64,6 +64,8 @@ double keptRate(const std::vector<ClipFrame>& frames, double otherwise);
 
 // "12 duplicates, 3 blurred"; empty where nothing was left out but what was not asked for.
 std::string leftOut(const std::vector<ClipFrame>& frames);
+// "at 2.60 s of 4.00 s"; empty where the clip is as long as its file says.
+std::string endsEarly(const std::vector<ClipFrame>& frames, double duration);
 // "3.20 s (frame 96)", with commas; empty: none.
 std::string cutsOf(const std::vector<ClipFrame>& frames);
 

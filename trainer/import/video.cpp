@@ -1,11 +1,6 @@
 // Videos, and folders of pictures: frames that are worth keeping, and in them a person found by
 // BlazePose, with a mask, keypoints, and a pose to start a fit from.
-//
-// Beside a capture's files there is landmarks.npz, which keeps what was seen: number [F] of the
-// frame in the clip and time [F] in seconds; roi [F,4], the square that was looked at (centre and
-// side in pixels, rotation); presence [F] of a person; picture [F,33,3], landmarks in pixels with
-// their depth on the same scale; world [F,33,3] metres from mid-hip, x right, y down, z away;
-// visibility [F,33] and in_picture [F,33] from 0 to 1.
+// landmarks.npz keeps what was seen; docs/formats.md has its arrays.
 #include <cmath>
 
 #include "engine/error.h"
@@ -134,6 +129,8 @@ Capture readClip(const ImportRequest& request) {
     std::string left = leftOut(frames);
     if (nobody > 0) left += fmt::format("{}{} without a person", left.empty() ? "" : ", ", nobody);
     if (!left.empty()) capture.source["left_out"] = left;
+    if (const std::string ends = endsEarly(frames, clip.duration()); !ends.empty())
+        capture.source["ends"] = ends;
     if (const std::string cuts = cutsOf(frames); !cuts.empty()) capture.source["cuts"] = cuts;
     if (swaps > 0) capture.source["swaps"] = fmt::format("{} of left and right, mended", swaps);
     return capture;
