@@ -140,6 +140,11 @@ Preset presetByName(std::string_view name) {
         preset.texels.lrOffsets = .02;
         preset.texels.lrTexels = .01;
         preset.texels.stayTexels = 2;
+        // Where poses are off, surfaces crease, and a crease's sides face other views than the skin
+        // around them does: whoever sees a face best would paint streaks.
+        preset.texels.facing = 0;
+        preset.texels.robust = .02;
+        preset.texels.decay = .1;
         preset.mesh.steps = 300;
         preset.texture.width = 16;
         preset.texture.steps = 150;
