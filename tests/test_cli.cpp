@@ -285,7 +285,7 @@ TEST(CommandLine, RefusesWithOneLineAndTwo) {
         EXPECT_EQ(std::count(o.err.begin(), o.err.end(), '\n'), 1) << o.err;
     };
     refuse({}, "doppel: a command is missing; `doppel --help` tells more");
-    refuse({"trian"}, "doppel: there is no command \"trian\"; there are devices, import, fit");
+    refuse({"trian"}, "doppel: there is no command \"trian\"; there are devices, avatar, import");
     refuse({"fit", "c"}, "doppel fit: --out is required");
     refuse({"fit", "c", "--out", "d", "--colour"}, "--colour");
     refuse({"import", "--out", "c"}, "SRC is required");
