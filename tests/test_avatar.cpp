@@ -73,6 +73,17 @@ TEST(AvatarCommand, FromARecordingToAnAvatarAndAgain) {
     EXPECT_EQ(refused.status, 2);
     EXPECT_NE(refused.err.find("--restart starts over"), std::string::npos) << refused.err;
     EXPECT_EQ(readCapture(out / "capture").size(), 4u);
+    // An import that fails leaves the capture and whose it is.
+    std::vector<std::string> wrong = words;
+    wrong.insert(wrong.end(), {"--frames", "0:99", "--restart"});
+    EXPECT_EQ(run(wrong).status, 2);
+    wrong.pop_back();
+    const Outcome still = run(wrong);
+    EXPECT_EQ(still.status, 2);
+    EXPECT_NE(still.err.find("--restart starts over"), std::string::npos) << still.err;
+    EXPECT_EQ(run(words).status, 0);
+    EXPECT_EQ(readCapture(out / "capture").size(), 4u);
+
     other.push_back("--restart");
     const Outcome restarted = run(other);
     ASSERT_EQ(restarted.status, 0) << restarted.err;

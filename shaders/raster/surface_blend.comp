@@ -3,7 +3,8 @@
 //     alpha = 1 / samples^2 sum (1 where a face is seen, else 0),
 //     dcolour = teaches cos^facing dimage / samples^2 where a face is seen,
 // cos between the face's normal and the way to the camera: whoever sees a place askew sees it
-// smaller and, where poses are off, elsewhere. image [H,W,3] sRGB-encoded, alpha [H,W].
+// smaller and, where poses are off, elsewhere.
+// image [H,W,3] sRGB-encoded, alpha [H,W].
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"

@@ -1,6 +1,7 @@
 // `doppel avatar`: from a video to an avatar.
 #include <fstream>
 #include <iterator>
+#include <optional>
 
 #include "engine/files/atomic_file.h"
 #include "trainer/commands/command.h"
@@ -65,11 +66,22 @@ void bringCaptureIn(const AvatarOptions& options) {
             "it",
             import.settings.out.string());
     }
-    AtomicFile file(request);
-    file.write(asked);
-    file.commit();
-    const ImportResult result = bringIn(import);
-    if (!options.common.json) printImport(import, result);
+    const auto keep = [&](const std::string& text) {
+        AtomicFile file(request);
+        file.write(text);
+        file.commit();
+    };
+    // Whatever ends this run, no request stands beside a capture that it did not make.
+    fs::remove(request);
+    std::optional<ImportResult> result;
+    try {
+        result = bringIn(import);
+    } catch (...) {
+        if (finished) keep(there);
+        throw;
+    }
+    keep(asked);
+    if (!options.common.json) printImport(import, *result);
 }
 
 void runAvatar(const AvatarOptions& options) {

@@ -127,11 +127,13 @@ ImportResult importCapture(const ImportSettings& settings, const DrawBody& drawB
     capture.source["command"] =
         settings.commandLine.empty() ? "doppel import" : settings.commandLine;
     capture.source["program"] = fmt::format("doppel {}", kVersion);
-    // A clip's importer has said where its masks are from.
-    capture.source.try_emplace("masks", result.givenMasks == frames   ? "given"
-                                        : result.keyedMasks == frames ? "keyed"
-                                        : result.keyedMasks > 0       ? "given and keyed"
-                                                                      : "none");
+    // Where masks that are given came from may have been said before.
+    std::string& masks = capture.source["masks"];
+    if (result.givenMasks < frames || masks.empty() || masks == "none")
+        masks = result.givenMasks == frames   ? "given"
+                : result.keyedMasks == frames ? "keyed"
+                : result.keyedMasks > 0       ? "given and keyed"
+                                              : "none";
     result.capture = writer.commit(capture);
     return result;
 }
