@@ -260,6 +260,13 @@ TEST(Import, KeysMasksThatAreMissing) {
         EXPECT_GT(intersectionOverUnion(cache.load(size_t(i))->mask, scene.truth()), .99);
     }
 
+    // A capture that was without says so no longer, and one that was keyed goes on saying it.
+    const ImportResult later = import(folder / "plain", folder / "later", true);
+    EXPECT_EQ(later.capture.source.at("masks"), "keyed");
+    const ImportResult again = import(folder / "later", folder / "again");
+    EXPECT_EQ(again.givenMasks, 3u);
+    EXPECT_EQ(again.capture.source.at("masks"), "keyed");
+
     writeDataset(folder / "src", true);
     fs::remove(folder / "src/segmentations/x2.png");
     const ImportResult both = import(folder / "src", folder / "both", true);
