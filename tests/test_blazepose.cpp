@@ -151,6 +151,53 @@ TEST(BlazePose, APictureEndToEnd) {
     }
 }
 
+// A picture and its mirror image show the same person, left for right, to the last bit of what
+// landmarksBothWays() makes of them, and near what landmarks() does.
+TEST(BlazePose, BothWaysAMirrorImageIsTheSamePerson) {
+    NEEDS_MODELS(PoseNet::Lite);
+    BlazePose pose = blazePose(PoseNet::Lite);
+    const Image scene = readImage(kData / "scene_512.png");
+    Image image = scene;
+    for (int y = 0; y < scene.height; ++y)
+        for (int x = 0; x < scene.width; ++x)
+            std::copy_n(scene.pixel(scene.width - 1 - x, y), 3, image.pixel(x, y));
+    const std::vector<Detection> people = pose.detect(scene);
+    ASSERT_FALSE(people.empty());
+    const Roi roi = people[0].roi();
+    const Roi turned{{scene.width - roi.centre[0], roi.centre[1]}, roi.side, -roi.rotation};
+    const PersonLandmarks one = pose.landmarks(scene, roi);
+    const PersonLandmarks person = pose.landmarksBothWays(scene, roi);
+    const PersonLandmarks other = pose.landmarksBothWays(image, turned);
+    const double mid = scene.width;
+    double moved = 0;
+    for (size_t i = 0; i < landmark::kCount; ++i) {
+        const Landmark &a = person.points[i], &b = other.points[oppositeLandmark(i)];
+        EXPECT_NEAR(a.picture[0], mid - b.picture[0], .05) << i;
+        EXPECT_NEAR(a.picture[1], b.picture[1], .05) << i;
+        EXPECT_NEAR(a.world[0], -b.world[0], 1e-3) << i;
+        EXPECT_NEAR(a.world[2], b.world[2], 1e-3) << i;
+        moved += (a.picture[0] - one.points[i].picture[0]) / 33;
+    }
+    // Neither is to one side of the other.
+    EXPECT_LT(std::abs(moved), .02 * roi.side / 4);
+    double off = 0;
+    for (int y = 0; y < kRoiMaskSide; ++y)
+        for (int x = 0; x < kRoiMaskSide; ++x)
+            off += std::abs(person.mask[size_t(y * kRoiMaskSide + x)] -
+                            other.mask[size_t(y * kRoiMaskSide + kRoiMaskSide - 1 - x)]) /
+                   (kRoiMaskSide * kRoiMaskSide);
+    EXPECT_LT(off, .05);
+
+    // Mirrored twice is as it was.
+    const PersonLandmarks twice = mirrored(mirrored(one));
+    for (size_t i = 0; i < landmark::kCount; ++i)
+        for (size_t k = 0; k < 3; ++k) {
+            EXPECT_NEAR(twice.points[i].picture[k], one.points[i].picture[k], 1e-9);
+            EXPECT_NEAR(twice.points[i].world[k], one.points[i].world[k], 1e-12);
+        }
+    EXPECT_EQ(twice.mask, one.mask);
+}
+
 // A film of a real person, which is not ours to give: read from the data folder beside the source.
 const fs::path kShared = fs::path(DOPPEL_SOURCE_DIR) / "../shared/data";
 

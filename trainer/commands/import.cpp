@@ -122,6 +122,17 @@ void declareImportFlags(CommandFlags& flags, ImportOptions& o) {
                      "the largest")
         ->capture_default_str()
         ->check(CLI::Range(0, 100));
+    flags
+        ->add_option(
+            "--fov", o.settings.request.fov,
+            "Of a clip: degrees that the camera's longer side sees (a phone's main camera: "
+            "60 to 70; 2 atan(18 / f) for a lens of f mm at full frame)")
+        ->default_str("60")
+        ->check(CLI::Range(5., 150.));
+    flags
+        ->add_option("--height", o.settings.request.height,
+                     "Of a clip: the person's height in metres, barefoot")
+        ->check(CLI::Range(.5, 2.5));
     flags.body(o.body);
     flags->add_flag("!--no-overlays", o.settings.overlays, "Leave the overlay pictures out");
 }

@@ -23,6 +23,8 @@ struct ImportRequest {
     ClipOptions clip;  // frames and fps are those above
     PoseNet net = PoseNet::Heavy;
     int person = 0;                   // see PersonTracker
+    double fov = 0;                   // degrees that the longer side sees; 0: kGuessedAngle
+    double height = 0;                // of the person, metres; 0: not known
     Device* device = nullptr;         // that networks run on
     const BodyModel* body = nullptr;  // that is posed
     std::filesystem::path workspace;  // where frames (images/) and masks (masks/) go

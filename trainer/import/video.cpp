@@ -92,7 +92,8 @@ Capture readClip(const ImportRequest& request) {
         frame.name = fmt::format("{:06}", i);
         frame.image = request.workspace / "images" / (frame.name + ".png");
         frame.mask = request.workspace / "masks" / (frame.name + ".png");
-        frame.camera = guessedCamera(picture.width, picture.height);
+        frame.camera = cameraOfAngle(picture.width, picture.height,
+                                     request.fov > 0 ? request.fov : kGuessedAngle);
         Image mask(picture.width, picture.height, 1);
         mask.data = personMask(*person, picture);
         person->mask = {};
@@ -110,13 +111,16 @@ Capture readClip(const ImportRequest& request) {
     const size_t swaps = mendSwaps(found.track, found.beginnings);
     smoothBothWays(found.track, found.times, found.beginnings);
 
-    const BodyPoser3d poser(*request.body);
+    if (request.height > 0) capture.betas = betasOfHeight(*request.body, request.height);
+    const BodyPoser3d poser(*request.body, capture.betas);
     capture.keypoints = Keypoints{"openpose25", 25, {}};
     for (size_t f = 0; f < capture.frames.size(); ++f) {
-        const BodyStart start = poser(*found.track[f], capture.frames[f].camera);
+        const Camera& camera = capture.frames[f].camera;
+        const PersonLandmarks person = poser.atJoints(*found.track[f], camera);
+        const BodyStart start = poser(person, camera);
         capture.theta.push_back(start.theta);
         capture.trans.push_back(start.trans);
-        const auto keypoints = openPoseKeypoints(*found.track[f]);
+        const auto keypoints = openPoseKeypoints(person);
         capture.keypoints->values.insert(capture.keypoints->values.end(), keypoints.begin(),
                                          keypoints.end());
     }
@@ -125,7 +129,11 @@ Capture readClip(const ImportRequest& request) {
     capture.fps = keptRate(frames, options.fps);
     capture.source["masks"] = fmt::format("found by blazepose {}", poseNetName(request.net));
     capture.source["poses"] = "a start from landmarks, for a fit to refine";
-    capture.source["camera"] = "60 degrees along the longer side, guessed";
+    capture.source["camera"] =
+        request.fov > 0
+            ? fmt::format("{:g} degrees along the longer side, given", request.fov)
+            : fmt::format("{:g} degrees along the longer side, guessed (--fov)", kGuessedAngle);
+    if (request.height > 0) capture.source["height"] = fmt::format("{:g} m, given", request.height);
     std::string left = leftOut(frames);
     if (nobody > 0) left += fmt::format("{}{} without a person", left.empty() ? "" : ", ", nobody);
     if (!left.empty()) capture.source["left_out"] = left;

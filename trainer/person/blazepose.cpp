@@ -15,12 +15,19 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr int kDetectorSide = 224, kLandmarkSide = 256, kHeatSide = 64;
+static_assert(kLandmarkSide == kRoiMaskSide);
 constexpr size_t kBoxNumbers = 12;
 constexpr double kLeastScore = .5, kMostOverlap = .3;
 
 const char* detectorFile() { return "pose_detection.tflite"; }
 std::string landmarkFile(PoseNet net) {
     return std::string("pose_landmark_") + poseNetName(net) + ".tflite";
+}
+
+// Left for right, in maps [..,256,256].
+void reverseRows(std::vector<float>& map) {
+    for (size_t row = 0; row + kRoiMaskSide <= map.size(); row += kRoiMaskSide)
+        std::reverse(map.begin() + int64_t(row), map.begin() + int64_t(row) + kRoiMaskSide);
 }
 
 double logistic(double x) { return 1 / (1 + std::exp(-x)); }
@@ -173,6 +180,26 @@ PersonLandmarks BlazePose::landmarks(const Image& rgb, const Roi& roi) {
     return landmarksOf(runLandmarks(crop(rgb, roi, kLandmarkSide, Outside::Edge)), roi);
 }
 
+PersonLandmarks BlazePose::landmarksBothWays(const Image& rgb, const Roi& roi) {
+    std::vector<float> square = crop(rgb, roi, kLandmarkSide, Outside::Edge);
+    PersonLandmarks person = landmarksOf(runLandmarks(square), roi);
+    reverseRows(square);
+    const PersonLandmarks other = mirrored(landmarksOf(runLandmarks(square), roi));
+    const auto mean = [](auto& a, const auto& b) { a = (a + b) / 2; };
+    mean(person.presence, other.presence);
+    for (size_t i = 0; i < person.points.size(); ++i) {
+        Landmark& point = person.points[i];
+        for (size_t k = 0; k < 3; ++k) {
+            mean(point.picture[k], other.points[i].picture[k]);
+            mean(point.world[k], other.points[i].world[k]);
+        }
+        mean(point.visibility, other.points[i].visibility);
+        mean(point.presence, other.points[i].presence);
+    }
+    for (size_t i = 0; i < person.mask.size(); ++i) mean(person.mask[i], other.mask[i]);
+    return person;
+}
+
 // ---- what the numbers mean ----------------------------------------------------------------------
 
 std::vector<Detection> detections(const std::vector<float>& boxes, const std::vector<float>& scores,
@@ -264,6 +291,29 @@ PersonLandmarks landmarksOf(std::array<std::vector<float>, 5> raw, const Roi& ro
     }
     person.mask = std::move(raw[2]);
     return person;
+}
+
+PersonLandmarks mirrored(const PersonLandmarks& person) {
+    PersonLandmarks other = person;
+    const double c = std::cos(person.roi.rotation), s = std::sin(person.roi.rotation);
+    // Across the square changes its sign, along it does not.
+    const auto reflect = [&](double& x, double& y) {
+        const double across = -(x * c + y * s), along = y * c - x * s;
+        x = across * c - along * s;
+        y = across * s + along * c;
+    };
+    for (size_t i = 0; i < landmark::kAll; ++i) {
+        Landmark& point = other.points[i];
+        point = person.points[i < landmark::kCount ? oppositeLandmark(i) : i];
+        double x = point.picture[0] - person.roi.centre[0],
+               y = point.picture[1] - person.roi.centre[1];
+        reflect(x, y);
+        point.picture[0] = person.roi.centre[0] + x;
+        point.picture[1] = person.roi.centre[1] + y;
+        reflect(point.world[0], point.world[1]);
+    }
+    reverseRows(other.mask);
+    return other;
 }
 
 }  // namespace doppel

@@ -106,6 +106,11 @@ public:
     // People in the picture, the surest first; overlapping ones are merged.
     std::vector<Detection> detect(const Image& rgb);
     PersonLandmarks landmarks(const Image& rgb, const Roi& roi);
+    // The mean of that and of what the network sees in the square's mirror image, turned back: what
+    // it holds to be nearer on one side than on the other cancels. Twice the work.
+    PersonLandmarks landmarksBothWays(const Image& rgb, const Roi& roi);
+
+    PoseNet net() const { return net_; }
 
     // What the networks make of their own input [3,224,224] or [3,256,256], in [0, 1]: the
     // detector's boxes [2254,12] and scores [2254]; landmarks [39,5], presence [1], mask
@@ -133,5 +138,8 @@ std::vector<Detection> detections(const std::vector<float>& boxes, const std::ve
 
 // From what runLandmarks() gives.
 PersonLandmarks landmarksOf(std::array<std::vector<float>, 5> raw, const Roi& roi);
+
+// Of the person whose mirror image, about the square's upright axis, has these landmarks.
+PersonLandmarks mirrored(const PersonLandmarks& person);
 
 }  // namespace doppel

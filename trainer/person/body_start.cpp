@@ -17,15 +17,19 @@ using namespace landmark;
 
 constexpr double kPi = std::numbers::pi;
 
-// A frame with this x axis, and its y axis as near to `up` as that leaves.
+// A frame with this x axis, and its y axis as near to `up` as that leaves. Where they are in one
+// line, as landmarks that mean nothing may be, it is the identity.
 dmat3 frameOf(const dvec3& x, const dvec3& up) {
+    const dvec3 across = glm::cross(x, up);
+    if (!(glm::length(across) > 1e-9)) return dmat3(1);
     const dvec3 a = glm::normalize(x);
-    const dvec3 c = glm::normalize(glm::cross(a, up));
+    const dvec3 c = glm::normalize(across);
     return {a, glm::cross(c, a), c};
 }
 
-// The smallest rotation that takes one direction to the other.
+// The smallest rotation that takes one direction to the other; none, where there is no direction.
 dquat swing(const dvec3& from, const dvec3& to) {
+    if (!(glm::length(from) * glm::length(to) > 1e-9)) return {1, 0, 0, 0};
     return {glm::normalize(from), glm::normalize(to)};
 }
 
@@ -37,7 +41,7 @@ dquat atMost(const dquat& rotation, double most) {
 }
 
 dvec3 withoutPart(const dvec3& v, const dvec3& along) {
-    const dvec3 a = glm::normalize(along);
+    const dvec3 a = along / std::max(glm::length(along), 1e-9);
     return v - glm::dot(v, a) * a;
 }
 
@@ -85,9 +89,38 @@ dvec3 stand(const std::vector<Seen>& seen, const Camera& camera, double* residua
 
 }  // namespace
 
-Camera guessedCamera(int width, int height) {
-    const double focal = std::max(width, height) / (2 * std::tan(kPi / 6));
+Camera cameraOfAngle(int width, int height, double degrees) {
+    const double focal = std::max(width, height) / (2 * std::tan(degrees * kPi / 360));
     return {focal, focal, width / 2., height / 2., width, height};
+}
+
+Betas betasOfHeight(const BodyModel& body, double metres) {
+    // Height is nearly linear in the shape; Newton's steps of least length.
+    std::array<double, BodyModel::kShapes> beta{};
+    const auto height = [&](std::span<const double> shape) {
+        const std::vector<double> points = shapedVertices(body, shape);
+        double low = points[1], high = points[1];
+        for (size_t i = 1; i < points.size(); i += 3) {
+            low = std::min(low, points[i]);
+            high = std::max(high, points[i]);
+        }
+        return high - low;
+    };
+    for (int turn = 0; turn < 4; ++turn) {
+        const double now = height(beta);
+        std::array<double, BodyModel::kShapes> slope;
+        double squares = 1e-12;
+        for (size_t k = 0; k < beta.size(); ++k) {
+            auto other = beta;
+            other[k] += .1;
+            slope[k] = (height(other) - now) / .1;
+            squares += slope[k] * slope[k];
+        }
+        for (size_t k = 0; k < beta.size(); ++k) beta[k] += (metres - now) * slope[k] / squares;
+    }
+    Betas betas{};
+    std::ranges::transform(beta, betas.begin(), [](double b) { return float(b); });
+    return betas;
 }
 
 std::optional<size_t> landmarkOfJoint(size_t number) {
@@ -121,12 +154,51 @@ std::optional<size_t> landmarkOfJoint(size_t number) {
     }
 }
 
-BodyPoser3d::BodyPoser3d(const BodyModel& body) {
-    const std::vector<double> joints = restJoints(body, std::vector<double>(10));
+BodyPoser3d::BodyPoser3d(const BodyModel& body, const Betas& betas) {
+    const std::vector<double> joints =
+        restJoints(body, std::vector<double>(betas.begin(), betas.end()));
     for (size_t j = 0; j < joint::kCount; ++j) {
         parents_[j] = body.parents[j];
         rest_[j] = {joints[3 * j], joints[3 * j + 1], joints[3 * j + 2]};
     }
+}
+
+dvec3 BodyPoser3d::restTrunk() const {
+    return (rest_[joint::kLeftShoulder] + rest_[joint::kRightShoulder] - rest_[joint::kLeftHip] -
+            rest_[joint::kRightHip]) /
+           2.;
+}
+
+PersonLandmarks BodyPoser3d::atJoints(const PersonLandmarks& person, const Camera& camera) const {
+    // Metres of the body, the means over four synthetic actors.
+    constexpr double kHipsOut = .025, kHipsUp = .040, kShouldersForward = .014;
+    PersonLandmarks moved = person;
+    const auto at = [&](size_t i) {
+        const Point3& p = person.points[i].world;
+        return dvec3(p[0], p[1], p[2]);
+    };
+    std::vector<Seen> seen;
+    for (size_t i = kLeftShoulder; i < kCount; ++i) seen.push_back({at(i), person.points[i]});
+    const double distance = stand(seen, camera).z;
+    const dvec3 up = (at(kLeftShoulder) + at(kRightShoulder) - at(kLeftHip) - at(kRightHip)) / 2.;
+    const dvec3 across = at(kLeftHip) + at(kLeftShoulder) - at(kRightHip) - at(kRightShoulder);
+    const double trunk = glm::length(up), area = glm::length(glm::cross(across, up));
+    if (!(trunk > .05 && area > .1 * trunk * glm::length(across))) return moved;
+    const dmat3 frame = frameOf(across, up);  // to the left, up, forward
+    const double scale = trunk / glm::length(restTrunk());
+    const auto move = [&](size_t i, const dvec3& by) {
+        const dvec3 d = frame * by * scale;
+        Landmark& point = moved.points[i];
+        const double depth = std::max(distance + point.world[2], .1 * distance);
+        point.picture[0] += camera.fx / depth * d.x;
+        point.picture[1] += camera.fy / depth * d.y;
+        for (size_t k = 0; k < 3; ++k) point.world[k] += d[glm::length_t(k)];
+    };
+    move(kLeftHip, {-kHipsOut, -kHipsUp, 0});
+    move(kRightHip, {kHipsOut, -kHipsUp, 0});
+    move(kLeftShoulder, {0, 0, -kShouldersForward});
+    move(kRightShoulder, {0, 0, -kShouldersForward});
+    return moved;
 }
 
 BodyStart BodyPoser3d::operator()(const PersonLandmarks& person, const Camera& camera) const {
@@ -151,9 +223,7 @@ BodyStart BodyPoser3d::operator()(const PersonLandmarks& person, const Camera& c
 
     // Trunk: the pelvis by the hips, the chest by the shoulders, and between them the spine.
     const dvec3 up = (at(kLeftShoulder) + at(kRightShoulder) - at(kLeftHip) - at(kRightHip)) / 2.;
-    const dvec3 restUp = (rest_[joint::kLeftShoulder] + rest_[joint::kRightShoulder] -
-                          rest_[joint::kLeftHip] - rest_[joint::kRightHip]) /
-                         2.;
+    const dvec3 restUp = restTrunk();
     const dmat3 hips = frameOf(bone(kRightHip, kLeftHip), up) *
                        glm::transpose(frameOf(restBone(joint::kRightHip, joint::kLeftHip), restUp));
     const dmat3 shoulders =
@@ -224,14 +294,14 @@ BodyStart BodyPoser3d::operator()(const PersonLandmarks& person, const Camera& c
         const dvec3 restPlane = glm::normalize(withoutPart(limb.bends, restUpper));
         // The sine of the bend weighs against what an unbent limb does: a leg's plane is then its
         // foot's, an arm's that of the smallest turn.
-        const dvec3 bent = withoutPart(lower, upper) / glm::length(lower);
+        const dvec3 bent = withoutPart(lower, upper) / std::max(glm::length(lower), 1e-9);
         dvec3 plane = straight * restPlane;
         if (leg) {
             const bool left = limb.upper == joint::kLeftHip;
             const dvec3 foot =
                 back * (left ? bone(kLeftHeel, kLeftFootTip) : bone(kRightHeel, kRightFootTip));
             plane += -2. * withoutPart(foot, upper) / std::max(glm::length(foot), 1e-6);
-            plane = glm::normalize(plane);
+            plane /= std::max(glm::length(plane), 1e-9);
         }
         plane = .3 * plane + bent * std::min(1., glm::length(bent) / .3);
         const dquat hinge = glm::quat_cast(frameOf(upper, withoutPart(plane, upper)) *

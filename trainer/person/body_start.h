@@ -10,9 +10,15 @@
 
 namespace doppel {
 
-// A camera whose longer side sees 60°, as a phone's main camera does, for pictures that say nothing
-// of theirs.
-Camera guessedCamera(int width, int height);
+// What a picture's longer side sees where nobody says it: a phone's main camera, degrees.
+inline constexpr double kGuessedAngle = 60;
+
+// A camera whose longer side sees `degrees`, with its axis through the picture's middle.
+Camera cameraOfAngle(int width, int height, double degrees);
+
+// The shape nearest to the default (in the coefficients' squares) that stands so many metres high
+// in the rest pose, barefoot.
+Betas betasOfHeight(const BodyModel& body, double metres);
 
 struct BodyStart {
     Theta theta{};
@@ -20,16 +26,24 @@ struct BodyStart {
     double residual = 0;  // pixels: root mean square of the joints' distances to their landmarks
 };
 
-// The default shape of `body`, each bone turned to where the landmarks in space point, hinges of
+// A body of some shape, each bone turned to where the landmarks in space point, hinges of
 // elbows and knees by the plane in which they are bent, stood where its joints best cover the
 // landmarks in the picture. Where landmarks are across and down comes from the picture, how deep
 // from the landmarks in space, whose scale is a guess; only directions are used.
 class BodyPoser3d {
 public:
-    explicit BodyPoser3d(const BodyModel& body);
+    explicit BodyPoser3d(const BodyModel& body, const Betas& betas = {});
+    // Landmarks as atJoints() gives them.
     BodyStart operator()(const PersonLandmarks& person, const Camera& camera) const;
 
+    // BlazePose's hips lie at the sides of the pelvis and its shoulders on the chest's front. Here
+    // they are where the body's joints are: hips moved inwards and down, shoulders backwards. The
+    // same person where the landmarks span no trunk.
+    PersonLandmarks atJoints(const PersonLandmarks& person, const Camera& camera) const;
+
 private:
+    glm::dvec3 restTrunk() const;  // from the hips' middle to the shoulders'
+
     std::array<int, joint::kCount> parents_;
     std::array<glm::dvec3, joint::kCount> rest_;
 };

@@ -96,7 +96,9 @@ std::optional<PersonLandmarks> PersonTracker::next(const Image& rgb, double time
             roi_ = find(rgb);
             if (!roi_) return {};
         }
-        PersonLandmarks person = pose_.landmarks(rgb, *roi_);
+        // Who takes the largest network wants it exact.
+        PersonLandmarks person = pose_.net() == PoseNet::Heavy ? pose_.landmarksBothWays(rgb, *roi_)
+                                                               : pose_.landmarks(rgb, *roi_);
         if (!(person.presence > kLeastPresence)) continue;
         last_ = roi_;
         roi_ = filter_(person, seconds);
