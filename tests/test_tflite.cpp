@@ -145,6 +145,66 @@ TEST(Tflite, TheNetComputesWhatTheFileSays) {
     }
 }
 
+// A convolution 3x3 of stride 2, padded SAME, over an even picture (one more row of zeros below and
+// on the right, none above), and a PReLU, by plain loops.
+TEST(Tflite, UnevenBordersAndSlopesBelowZero) {
+    constexpr int kIn = 6, kC = 2, kO = 3, kOut = 3;
+    std::mt19937 random(7);
+    std::uniform_real_distribution<float> uniform(-1, 1);
+    const auto numbers = [&](size_t count) {
+        std::vector<float> values(count);
+        for (float& v : values) v = uniform(random);
+        return values;
+    };
+    TfliteModel model{.file = "made here"};
+    const auto tensor = [&](std::vector<int64_t> shape, std::vector<float> values = {}) {
+        model.tensors.push_back({"", std::move(shape), std::move(values), {}});
+        return int(model.tensors.size()) - 1;
+    };
+    const std::vector<float> weight = numbers(kO * 9 * kC), bias = numbers(kO), slope = numbers(kO);
+    const int x = tensor({1, kIn, kIn, kC}), w = tensor({kO, 3, 3, kC}, weight),
+              b = tensor({kO}, bias), y = tensor({1, kOut, kOut, kO}),
+              a = tensor({1, 1, kO}, slope), z = tensor({1, kOut, kOut, kO});
+    model.operators = {{.kind = TfliteKind::Conv,
+                        .inputs = {x, w, b},
+                        .output = y,
+                        .same = true,
+                        .stride = {2, 2}},
+                       {.kind = TfliteKind::Prelu, .inputs = {y, a}, .output = z}};
+    model.inputs = {x};
+    model.outputs = {z};
+
+    Graph graph(testDevice());
+    const Tensor input = graph.input({1, kC, kIn, kIn});
+    const Tensor output = tfliteNet(graph, model, input)[0];
+    graph.output(output);
+    graph.compile({.poison = true});
+    const std::vector<float> values = numbers(kC * kIn * kIn);
+    graph.write(input, values);
+    graph.run();
+    const std::vector<float> got = graph.read(output);
+    ASSERT_EQ(got.size(), size_t(kO * kOut * kOut));
+    int below = 0;
+    for (int o = 0; o < kO; ++o)
+        for (int r = 0; r < kOut; ++r)
+            for (int c = 0; c < kOut; ++c) {
+                double sum = double(bias[size_t(o)]);
+                for (int i = 0; i < 3; ++i)
+                    for (int j = 0; j < 3; ++j)
+                        for (int k = 0; k < kC; ++k) {
+                            const int row = 2 * r + i, column = 2 * c + j;
+                            if (row >= kIn || column >= kIn) continue;
+                            sum += double(weight[size_t(((o * 3 + i) * 3 + j) * kC + k)]) *
+                                   double(values[size_t((k * kIn + row) * kIn + column)]);
+                        }
+                below += sum < 0;
+                const double want = sum > 0 ? sum : double(slope[size_t(o)]) * sum;
+                EXPECT_NEAR(got[size_t((o * kOut + r) * kOut + c)], want, 1e-5);
+            }
+    EXPECT_GT(below, 5);
+    EXPECT_LT(below, 22);
+}
+
 TEST(Tflite, RefusalsNameTheFile) {
     const auto refusal = [](std::vector<uint8_t> bytes) {
         return messageOf<InputError>([&] { tfliteFromBytes(bytes, "small"); });

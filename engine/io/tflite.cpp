@@ -119,6 +119,7 @@ enum Code {
     kReshape = 22,
     kResizeBilinear = 23,
     kPad = 34,
+    kPrelu = 54,
     kDensify = 124,
 };
 
@@ -388,6 +389,10 @@ private:
                 break;
             case kPad:
                 op.kind = TfliteKind::Pad;
+                count = 2;
+                break;
+            case kPrelu:
+                op.kind = TfliteKind::Prelu;
                 count = 2;
                 break;
             default:

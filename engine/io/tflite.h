@@ -19,6 +19,7 @@ enum class TfliteKind : uint8_t {
     Logistic,
     MaxPool,  // kernel and stride 2x2
     Pad,      // with zeros; inputs: x, [4,2] before and after in each dimension
+    Prelu,    // y = x where x > 0, else slope x; inputs: x, slope [1,1,C]
     Reshape,
     ResizeBilinear,  // half-pixel centres
 };

@@ -163,21 +163,28 @@ private:
             }
             return;
         }
-        if (borders.top != borders.bottom || borders.left != borders.right ||
-            borders.top != borders.left || x.dim(2) + 2 * borders.top < kh ||
-            x.dim(3) + 2 * borders.left < kw) {
-            wrong("a convolution with equal borders, within its picture", "another");
+        // Ours have the same border on all sides. A smaller one above and on the left is as good as
+        // a kernel that begins with zeros.
+        const uint32_t border = borders.bottom;
+        const int64_t more = int64_t(border) - int64_t(borders.top);
+        if (borders.right != border || borders.left != borders.top || more < 0 ||
+            x.dim(2) + borders.top + border < kh || x.dim(3) + borders.left + border < kw) {
+            wrong(
+                "a convolution with equal borders, or one more below and on the right, within its "
+                "picture",
+                "another");
         }
-        std::vector<float> turned(weight.values.size());  // [O,C,kh,kw]
+        const int64_t kH = kh + more, kW = kw + more;
+        std::vector<float> turned(size_t(O * C * kH * kW));  // [O,C,kH,kW]
         for (int64_t o = 0; o < O; ++o)
-            for (int64_t p = 0; p < kh * kw; ++p)
-                for (int64_t c = 0; c < C; ++c)
-                    turned[size_t((o * C + c) * kh * kw + p)] =
-                        weight.values[size_t((o * kh * kw + p) * C + c)];
-        const Tensor y =
-            conv2d(graph_, x, graph_.constant(std::span<const float>(turned), {O, C, kh, kw}),
-                   graph_.constant(std::span<const float>(bias.values), {O}), u32(op.stride[0]),
-                   borders.top);
+            for (int64_t i = 0; i < kh; ++i)
+                for (int64_t j = 0; j < kw; ++j)
+                    for (int64_t c = 0; c < C; ++c)
+                        turned[size_t(((o * C + c) * kH + i + more) * kW + j + more)] =
+                            weight.values[size_t(((o * kh + i) * kw + j) * C + c)];
+        const Tensor y = conv2d(
+            graph_, x, graph_.constant(std::span<const float>(turned), {O, C, kH, kW}),
+            graph_.constant(std::span<const float>(bias.values), {O}), u32(op.stride[0]), border);
         set(op.output, clamped(y, op.relu6));
     }
 
@@ -226,6 +233,18 @@ private:
         set(op.output, y.reshaped({1, all, x.dim(2), x.dim(3)}));
     }
 
+    // relu(x) − slope relu(−x), the second by a product with a diagonal matrix.
+    void addPrelu(const TfliteOperator& op) {
+        const Tensor& x = picture(op.inputs[0]);
+        const int64_t C = x.dim(1);
+        const TfliteTensor& slope = constant(op.inputs[1], {1, 1, C});
+        std::vector<float> diagonal(size_t(C * C));
+        for (int64_t c = 0; c < C; ++c) diagonal[size_t(c * C + c)] = -slope.values[size_t(c)];
+        const Tensor below = doppel::relu(graph_, scaleShift(graph_, x, -1, 0));
+        set(op.output, pixelConv2d(graph_, below, diagonal, std::vector<float>(size_t(C)), false,
+                                   doppel::relu(graph_, x)));
+    }
+
     void addConcatenation(const TfliteOperator& op) {
         const Shape& shape = info(op.output).shape;
         int64_t rows = 0;
@@ -255,6 +274,8 @@ private:
                 return addDepthwise(op);
             case TfliteKind::Pad:
                 return addPad(op);
+            case TfliteKind::Prelu:
+                return addPrelu(op);
             case TfliteKind::Concatenation:
                 return addConcatenation(op);
             case TfliteKind::Add: {

@@ -51,7 +51,7 @@ void runImport(const ImportOptions& options) {
         if (capture.keypoints) json["keypoints"] = capture.keypoints->scheme;
         if (result.givenMasks + result.keyedMasks > 0) json["iou"] = result.meanIou;
         json["fps"] = capture.fps;
-        for (const char* said : {"masks", "left_out", "ends", "cuts", "swaps", "camera"}) {
+        for (const char* said : {"masks", "left_out", "ends", "cuts", "swaps", "heads", "camera"}) {
             if (const auto at = capture.source.find(said); at != capture.source.end())
                 json[said] = at->second;
         }
@@ -72,6 +72,7 @@ void printImport(const ImportOptions& options, const ImportResult& result) {
                                      {"ends", "the file ends"},
                                      {"cuts", "cuts at"},
                                      {"swaps", "swaps"},
+                                     {"heads", "heads"},
                                      {"camera", "camera"}}) {
         if (const auto at = capture.source.find(said); at != capture.source.end())
             std::cout << fmt::format("{}: {}\n", what, at->second);

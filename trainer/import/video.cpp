@@ -1,6 +1,7 @@
 // Videos, and folders of pictures: frames that are worth keeping, and in them a person found by
 // BlazePose, with a mask, keypoints, and a pose to start a fit from.
 // landmarks.npz keeps what was seen; docs/formats.md has its arrays.
+#include <algorithm>
 #include <cmath>
 
 #include "engine/error.h"
@@ -9,6 +10,7 @@
 #include "trainer/data/progress.h"
 #include "trainer/import/importer.h"
 #include "trainer/person/body_start.h"
+#include "trainer/person/face.h"
 #include "trainer/person/mask.h"
 #include "trainer/person/tracker.h"
 
@@ -19,6 +21,7 @@ namespace {
 
 struct Found {
     Track track;
+    std::vector<std::optional<glm::dmat3>> faces;  // FaceMesh::axes()
     std::vector<double> times;
     std::vector<int32_t> numbers;    // in the clip
     std::vector<size_t> beginnings;  // after cuts
@@ -70,6 +73,8 @@ Capture readClip(const ImportRequest& request) {
     createFolders(request.workspace / "masks");
     Clip clip(request.source, options);
     PersonTracker tracker(pose, request.person);
+    FaceFinder faces(*request.device);
+    const bool looksAtFaces = FaceFinder::isThere();
     Found found;
     size_t nobody = 0;
     bool cut = false;
@@ -97,6 +102,9 @@ Capture readClip(const ImportRequest& request) {
         Image mask(picture.width, picture.height, 1);
         mask.data = personMask(*person, picture);
         person->mask = {};
+        std::optional<FaceMesh> face;
+        if (looksAtFaces) face = faces(picture, *person);
+        found.faces.push_back(face ? face->axes() : std::nullopt);
         writeImage(frame.image, picture);
         writeImage(*frame.mask, mask);
         capture.frames.push_back(std::move(frame));
@@ -108,6 +116,12 @@ Capture readClip(const ImportRequest& request) {
         throwInput("{}: expected a person in its {} frames, found nobody", request.source.string(),
                    nobody);
     }
+    const auto seenFaces =
+        std::ranges::count_if(found.faces, [](const auto& f) { return bool(f); });
+    capture.source["heads"] =
+        looksAtFaces ? fmt::format("as the face looks in {} frames of {}, else by the ears",
+                                   seenFaces, found.faces.size())
+                     : "by the ears; scripts/setup --models fetches a network that sees faces";
     const size_t swaps = mendSwaps(found.track, found.beginnings);
     smoothBothWays(found.track, found.times, found.beginnings);
 
@@ -117,7 +131,7 @@ Capture readClip(const ImportRequest& request) {
     for (size_t f = 0; f < capture.frames.size(); ++f) {
         const Camera& camera = capture.frames[f].camera;
         const PersonLandmarks person = poser.atJoints(*found.track[f], camera);
-        const BodyStart start = poser(person, camera);
+        const BodyStart start = poser(person, camera, found.faces[f]);
         capture.theta.push_back(start.theta);
         capture.trans.push_back(start.trans);
         const auto keypoints = openPoseKeypoints(person);

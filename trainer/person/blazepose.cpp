@@ -6,8 +6,7 @@
 #include <numeric>
 
 #include "engine/error.h"
-#include "nn/core/graph.h"
-#include "nn/nets/tflite_net.h"
+#include "trainer/person/picture_net.h"
 
 namespace doppel {
 namespace fs = std::filesystem;
@@ -93,26 +92,8 @@ bool poseModelsAreThere(PoseNet net, const fs::path& folder) {
 
 // ---- running ------------------------------------------------------------------------------------
 
-struct BlazePose::Net {
-    Net(Device& device, const fs::path& file, int side) : graph(device) {
-        const TfliteModel model = readTflite(file);
-        x = graph.input({1, 3, side, side});
-        outputs = tfliteNet(graph, model, x);
-        for (const Tensor& output : outputs) graph.output(output);
-        graph.compile();
-    }
-
-    // InputError where the file is another network's.
-    void require(const std::vector<int64_t>& elements, const fs::path& file) const {
-        bool same = outputs.size() == elements.size();
-        for (size_t i = 0; same && i < elements.size(); ++i)
-            same = outputs[i].elements() == elements[i];
-        if (!same) throwInput("{}: expected another network's outputs", file.string());
-    }
-
-    Graph graph;
-    Tensor x;
-    std::vector<Tensor> outputs;
+struct BlazePose::Net : PictureNet {
+    using PictureNet::PictureNet;
 };
 
 BlazePose::BlazePose(Device& device, PoseNet net, fs::path folder)
@@ -121,22 +102,16 @@ BlazePose::BlazePose(Device& device, PoseNet net, fs::path folder)
 BlazePose::~BlazePose() = default;
 
 void BlazePose::requireModels() const {
-    for (const fs::path& file : {folder_ / detectorFile(), folder_ / landmarkFile(net_)}) {
-        std::error_code error;
-        if (fs::exists(file, error)) continue;
-        throwInput(
-            "{}: expected a network that finds people, found nothing; run scripts/setup --models, "
-            "which fetches it, or set DOPPEL_MODELS to its folder",
-            file.string());
-    }
+    for (const fs::path& file : {folder_ / detectorFile(), folder_ / landmarkFile(net_)})
+        requireNetwork(file);
 }
 
 BlazePose::Net& BlazePose::detector() {
     if (!detector_) {
         const fs::path file = folder_ / detectorFile();
-        detector_ = std::make_unique<Net>(device_, file, kDetectorSide);
         const auto boxes = int64_t(anchors().size());
-        detector_->require({boxes * int64_t(kBoxNumbers), boxes}, file);
+        detector_ = std::make_unique<Net>(device_, file, kDetectorSide,
+                                          std::vector{boxes * int64_t(kBoxNumbers), boxes});
     }
     return *detector_;
 }
@@ -144,11 +119,11 @@ BlazePose::Net& BlazePose::detector() {
 BlazePose::Net& BlazePose::landmarker() {
     if (!landmarker_) {
         const fs::path file = folder_ / landmarkFile(net_);
-        landmarker_ = std::make_unique<Net>(device_, file, kLandmarkSide);
         constexpr int64_t kAll = landmark::kAll;
-        landmarker_->require(
-            {5 * kAll, 1, kRoiMaskSide * kRoiMaskSide, kAll * kHeatSide * kHeatSide, 3 * kAll},
-            file);
+        landmarker_ =
+            std::make_unique<Net>(device_, file, kLandmarkSide,
+                                  std::vector<int64_t>{5 * kAll, 1, kRoiMaskSide * kRoiMaskSide,
+                                                       kAll * kHeatSide * kHeatSide, 3 * kAll});
     }
     return *landmarker_;
 }
@@ -156,17 +131,13 @@ BlazePose::Net& BlazePose::landmarker() {
 std::array<std::vector<float>, 2> BlazePose::runDetector(std::vector<float> rgb) {
     Net& net = detector();
     for (float& v : rgb) v = 2 * v - 1;
-    net.graph.write(net.x, rgb);
-    net.graph.run();
-    return {net.graph.read(net.outputs[0]), net.graph.read(net.outputs[1])};
+    auto raw = net.run(rgb);
+    return {std::move(raw[0]), std::move(raw[1])};
 }
 
 std::array<std::vector<float>, 5> BlazePose::runLandmarks(const std::vector<float>& rgb) {
-    Net& net = landmarker();
-    net.graph.write(net.x, rgb);
-    net.graph.run();
     std::array<std::vector<float>, 5> raw;
-    for (size_t i = 0; i < raw.size(); ++i) raw[i] = net.graph.read(net.outputs[i]);
+    std::ranges::move(landmarker().run(rgb), raw.begin());
     return raw;
 }
 

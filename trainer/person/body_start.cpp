@@ -201,7 +201,8 @@ PersonLandmarks BodyPoser3d::atJoints(const PersonLandmarks& person, const Camer
     return moved;
 }
 
-BodyStart BodyPoser3d::operator()(const PersonLandmarks& person, const Camera& camera) const {
+BodyStart BodyPoser3d::operator()(const PersonLandmarks& person, const Camera& camera,
+                                  const std::optional<dmat3>& face) const {
     // Across and down the picture is surer than the landmarks in space, of which only depths are
     // taken. What they measure puts the hips at a distance, in metres of their own.
     std::vector<Seen> seen;
@@ -236,14 +237,21 @@ BodyStart BodyPoser3d::operator()(const PersonLandmarks& person, const Camera& c
     turned[joint::kSpine1] = turned[joint::kSpine2] = turned[joint::kSpine3] = third;
     const dquat chest = pelvis * third * third * third;
 
-    // Head: ears, and the nose before them and a little below.
-    const dvec3 ears = bone(kRightEar, kLeftEar);
-    const dvec3 nose = at(kNose) - (at(kLeftEar) + at(kRightEar)) / 2.;
-    const dmat3 head =
-        frameOf(ears, glm::cross(nose, ears)) *
-        glm::transpose(frameOf({1, 0, 0}, glm::cross(dvec3(0, -.25, 1), dvec3(1, 0, 0))));
+    // Head: as the face looks, or by the ears, and the nose before them and a little below.
+    dmat3 head;
+    if (face) {
+        // As if in the picture's middle: turned with the ray on which it is seen.
+        const Point3& nose = person.points[kNose].picture;
+        const dvec3 ray((nose[0] - camera.cx) / camera.fx, (nose[1] - camera.cy) / camera.fy, 1);
+        head = glm::mat3_cast(swing({0, 0, 1}, ray)) * *face;
+    } else {
+        const dvec3 ears = bone(kRightEar, kLeftEar);
+        const dvec3 nose = at(kNose) - (at(kLeftEar) + at(kRightEar)) / 2.;
+        head = frameOf(ears, glm::cross(nose, ears)) *
+               glm::transpose(frameOf({1, 0, 0}, glm::cross(dvec3(0, -.25, 1), dvec3(1, 0, 0))));
+    }
     const dquat nod = atMost(glm::inverse(chest) * glm::quat_cast(head), 1.2);
-    const dquat half = quaternionOf(axisAngleOf(nod) / 2.);
+    const dquat half = quaternionOf(axisAngleOf(nod) / (face ? 2. : 4.));
     turned[joint::kNeck] = turned[joint::kHead] = half;
 
     // A limb's upper bone points where the landmarks do; about itself it is turned so that the

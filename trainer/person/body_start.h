@@ -33,8 +33,10 @@ struct BodyStart {
 class BodyPoser3d {
 public:
     explicit BodyPoser3d(const BodyModel& body, const Betas& betas = {});
-    // Landmarks as atJoints() gives them.
-    BodyStart operator()(const PersonLandmarks& person, const Camera& camera) const;
+    // Landmarks as atJoints() gives them. face: FaceMesh::axes(), where the face was found; else
+    // the head is half as far turned from the chest as landmarks have it, which exaggerate.
+    BodyStart operator()(const PersonLandmarks& person, const Camera& camera,
+                         const std::optional<glm::dmat3>& face = {}) const;
 
     // BlazePose's hips lie at the sides of the pelvis and its shoulders on the chest's front. Here
     // they are where the body's joints are: hips moved inwards and down, shoulders backwards. The

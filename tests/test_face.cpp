@@ -1,0 +1,116 @@
+// Which way faces look: made ones, and those of synthetic actors, whose heads are known.
+#include "trainer/person/face.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <iostream>
+
+#include "engine/io/image.h"
+#include "tests/files.h"
+#include "tests/op_test.h"
+#include "trainer/data/capture.h"
+#include "trainer/data/pose.h"
+#include "trainer/motion/synthetic.h"
+#include "trainer/person/body_start.h"
+#include "trainer/stages/fit.h"
+
+namespace doppel {
+namespace {
+
+namespace fs = std::filesystem;
+using test::Folder;
+
+double degreesBetween(const glm::dmat3& a, const glm::dmat3& b) {
+    return glm::length(axisAngleOf(glm::quat_cast(a * glm::transpose(b)))) * 180 / M_PI;
+}
+
+// As somebody who faces the camera upright sees us: our left is on the picture's right.
+const glm::dmat3 kFacing(glm::dvec3(1, 0, 0), glm::dvec3(0, -1, 0), glm::dvec3(0, 0, -1));
+
+TEST(FaceMesh, PointsGoBackToThePicture) {
+    std::vector<float> points(3 * FaceMesh::kPoints, 96);
+    points[3 * 7] = 192;
+    points[3 * 7 + 1] = 0;
+    points[3 * 7 + 2] = -19.2f;
+    const FaceMesh face = faceOf(points, 2, {{100, 50}, 80, M_PI / 2});
+    EXPECT_NEAR(face.presence, 1 / (1 + std::exp(-2.)), 1e-12);
+    EXPECT_NEAR(face.points[0][0], 100, 1e-9);
+    EXPECT_NEAR(face.points[0][1], 50, 1e-9);
+    // Up and to the right in a square that is turned clockwise by a quarter.
+    EXPECT_NEAR(face.points[7][0], 140, 1e-9);
+    EXPECT_NEAR(face.points[7][1], 90, 1e-9);
+    EXPECT_NEAR(face.points[7][2], -8, 1e-5);
+}
+
+TEST(FaceMesh, AxesAreTheFaces) {
+    for (const glm::dvec3 turn :
+         {glm::dvec3(0), glm::dvec3(.2, .9, -.1), glm::dvec3(0, -1.4, .3)}) {
+        const glm::dmat3 wanted = glm::mat3_cast(quaternionOf(turn)) * kFacing;
+        FaceMesh face;
+        const auto put = [&](size_t i, double x, double y, double z) {
+            const glm::dvec3 p = wanted * glm::dvec3(x, y, z) * 50.;
+            face.points[i] = {200 + p.x, 100 + p.y, p.z};
+        };
+        put(263, .45, .3, 0);
+        put(33, -.45, .3, 0);
+        put(454, .7, 0, -.6);
+        put(234, -.7, 0, -.6);
+        put(291, .25, -.4, .1);
+        put(61, -.25, -.4, .1);
+        put(10, 0, .9, 0);
+        put(152, 0, -.9, 0);
+        const auto axes = face.axes();
+        ASSERT_TRUE(axes);
+        EXPECT_LT(degreesBetween(*axes, wanted), 1e-6);
+    }
+    EXPECT_FALSE(FaceMesh().axes());
+}
+
+TEST(FaceFinder, ActorsLookWhereTheirHeadsDo) {
+    const fs::path models = fs::path(DOPPEL_SOURCE_DIR) / "build/models";
+    if (!poseModelsAreThere(PoseNet::Full, models) || !FaceFinder::isThere(models))
+        GTEST_SKIP() << "scripts/setup --models fetches the networks";
+    Folder folder;
+    const Capture actor = renderActor(testDevice(), readActor(assetFolder() / "actor", "woman"),
+                                      actorSession(8, 0, kActorDistance), folder / "actor",
+                                      {.size = 640, .samples = 2});
+    const Poses truth = readPoses(folder / "actor/truth.npz", false);
+    const BodyModel body = bodyFromNpz(readBodyArrays("default"));
+    BlazePose pose(testDevice(), PoseNet::Full, models);
+    FaceFinder faces(testDevice(), models);
+    const BodyPoser3d poser(body);
+    const auto headOf = [&](const Theta& theta) {
+        glm::dquat turned(1, 0, 0, 0);
+        for (int j = int(joint::kHead); j >= 0; j = body.parents[size_t(j)])
+            turned = jointRotation(theta, size_t(j)) * turned;
+        return glm::mat3_cast(turned);
+    };
+    int seen = 0;
+    double off = 0;
+    for (size_t f = 0; f < actor.size(); ++f) {
+        const Image picture = readImage(actor.frames[f].image);
+        const auto people = pose.detect(picture);
+        ASSERT_FALSE(people.empty()) << f;
+        const PersonLandmarks person = pose.landmarks(picture, people[0].roi());
+        const auto face = faces(picture, person);
+        const glm::dmat3 head = headOf(truth.theta[f]);
+        const double away = degreesBetween(head, kFacing);
+        if (away > 120) {
+            EXPECT_FALSE(face) << f << ", turned by " << away;
+        }
+        if (away < 50) {
+            EXPECT_TRUE(face) << f << ", turned by " << away;
+        }
+        if (!face) continue;
+        const BodyStart start = poser(person, actor.frames[f].camera, face->axes());
+        off += degreesBetween(headOf(start.theta), head);
+        ++seen;
+    }
+    ASSERT_GT(seen, 2);
+    std::cout << seen << " faces of " << actor.size() << ", off by " << off / seen << " degrees\n";
+    EXPECT_LT(off / seen, 10);
+}
+
+}  // namespace
+}  // namespace doppel
