@@ -3,6 +3,7 @@
 
 #include "engine/error.h"
 #include "trainer/data/capture_notes.h"
+#include "trainer/motion/estimates/estimate.h"
 #include "trainer/motion/motion.h"
 
 namespace doppel {
@@ -29,7 +30,12 @@ Motion readCaptureMotion(const fs::path& folder) {
 
 const MotionFormat kCapture{{
     .looks = "a capture's folder",
-    .recognises = [](const fs::path& path, std::string_view) { return fs::is_directory(path); },
+    .recognises =
+        [](const fs::path& path, std::string_view) {
+            std::error_code error;
+            return fs::is_directory(path, error) &&
+                   (fs::exists(path / "poses.npz", error) || !areEstimates(path));
+        },
     .read = readCaptureMotion,
 }};
 
