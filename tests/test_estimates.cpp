@@ -37,7 +37,7 @@ std::string stem(size_t f) { return fmt::format("{:06}", f); }
 
 // Somebody who walks across the picture, in the space of a camera.
 struct Truth {
-    Camera camera = guessedCamera(kWidth, kHeight);
+    Camera camera = cameraOfAngle(kWidth, kHeight, kGuessedAngle);
     std::vector<Theta> theta;
     std::vector<Trans> trans;
     Truth() {
@@ -280,10 +280,26 @@ TEST(Estimates, Wham) {
                         {py::text("frame_ids"), py::joblibArray({6}, {0, 1, 2, 3, 4, 5})}}) +
               "u");
     Scene scene(folder / "capture", truth);
+    for (Frame& frame : scene.capture.frames) frame.camera = Truth().camera;
     EXPECT_EQ(scene.take(folder / "wham_output.pkl").told, "WHAM");
     expectTruth(scene, truth, .03);
     EXPECT_EQ(scene.capture.source.at("camera"),
               "44 degrees along the longer side, as WHAM's poses were found with");
+
+    // Where the camera is known, WHAM's guess of it is none: the body is seen where it was, as
+    // large as it was, and as much from the side.
+    Truth narrow = truth;
+    narrow.camera.fx *= 1.6, narrow.camera.fy *= 1.6;
+    Scene known(folder / "known", truth);
+    for (Frame& frame : known.capture.frames) frame.camera = narrow.camera;
+    known.capture.source["camera"] = "30 degrees, given";
+    known.take(folder / "wham_output.pkl");
+    EXPECT_EQ(known.capture.source.at("camera"), "30 degrees, given");
+    for (size_t f = 0; f < kFrames; ++f) {
+        EXPECT_NEAR(known.capture.frames[f].camera.fx, narrow.camera.fx, 1e-9);
+        EXPECT_NEAR(known.capture.trans[f][2], 1.6 * truth.trans[f][2], .1);
+        EXPECT_GT(known.overlap(f), .9);
+    }
 
     const Motion motion = readMotion(folder / "wham_output.pkl");
     ASSERT_EQ(motion.size(), kFrames);
@@ -565,7 +581,7 @@ TEST(Estimates, BoxesAreInTheSourcesPixels) {
     fs::create_directories(folder / "clip");
     for (size_t f = 0; f < kFrames; ++f)
         writeImage(folder / ("clip/" + stem(f) + ".png"), Image(2 * kWidth, 2 * kHeight, 3));
-    large.camera = guessedCamera(2 * kWidth, 2 * kHeight);
+    large.camera = cameraOfAngle(2 * kWidth, 2 * kHeight, kGuessedAngle);
     write(folder, "vibe_output.pkl", py::dict({{py::integer(1), vibePerson(large, kTruth)}}));
     Scene scene(folder / "capture");
     scene.take(folder / "vibe_output.pkl", folder / "clip");

@@ -305,7 +305,7 @@ void Viewer::openDropped(const fs::path& path) {
     });
     if (extension == ".json") {
         pastePose(path);
-    } else if (fs::is_directory(path) || extension == ".npz" || extension == ".bvh") {
+    } else if (isMotion(path)) {
         loadMotion(path);
     } else {
         loadPicture(path);

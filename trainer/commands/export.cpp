@@ -23,6 +23,8 @@ void runExport(const ExportOptions& options) {
     std::optional<Motion> motion;
     if (!options.motion.empty()) {
         motion = readMotion(options.motion);
+        if (const std::string taken = takenAs(*motion); !taken.empty())
+            fmt::print(stderr, "{}: {}\n", options.motion.string(), taken);
         motion = motion->subset(selectFrames(options.frames, motion->size()));
     } else if (!options.frames.empty()) {
         throwInput("--frames: found \"{}\" without --motion; say whose frames they are",
@@ -52,7 +54,8 @@ void declareFlags(CommandFlags& flags, ExportOptions& o) {
     flags.path("AVATAR", o.avatar, "Avatar's folder")->required();
     flags.path("--out", o.out, "FILE.glb")->required();
     flags.path("--motion", o.motion,
-               "A capture, a poses.npz or a .bvh, which becomes an animation");
+               "A capture, a poses.npz, BVH, glTF, AMASS or an estimator's poses, which becomes an "
+               "animation");
     flags.frames(o.frames, "Frames of the motion");
     flags
         ->add_option("--texture", o.texture,

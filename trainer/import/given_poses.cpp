@@ -460,7 +460,8 @@ GivenPoses takeGivenPoses(Capture& capture, const GivenPosesRequest& request,
         leaveOut(capture, kept, request.workspace);
     }
     const Camera& lens = capture.frames[0].camera;
-    if (lens != before) {
+    // The way to the source's pixels and back rounds.
+    if (std::abs(lens.fx - before.fx) > 1e-6 * before.fx || std::abs(lens.cx - before.cx) > 1e-6) {
         const double degrees =
             2 * std::atan(std::max(lens.width, lens.height) / (2 * lens.fx)) * 180 / std::acos(-1.);
         capture.source["camera"] =

@@ -20,9 +20,13 @@ Motion readCaptureMotion(const fs::path& folder) {
             "found {}",
             (folder / "poses.npz").string(), notes.frames.size(), poses.theta.size());
     }
-    Motion motion{
-        folder,      notes.name, notes.fps, std::move(poses.theta), std::move(poses.trans),
-        poses.betas, {}};
+    Motion motion;
+    motion.source = folder;
+    motion.name = notes.name;
+    motion.fps = notes.fps;
+    motion.theta = std::move(poses.theta);
+    motion.trans = std::move(poses.trans);
+    motion.betas = poses.betas;
     std::error_code error;
     const fs::path cameras = folder / "cameras.npz";
     return fs::exists(cameras, error) ? throughCameras(std::move(motion), cameras) : motion;

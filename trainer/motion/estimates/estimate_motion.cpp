@@ -50,6 +50,12 @@ Motion readEstimatedMotion(const fs::path& path) {
     motion.source = path;
     motion.name = fs::absolute(path).lexically_normal().stem().string();
     if (estimates.fps) motion.fps = *estimates.fps;
+    motion.note = estimates.program;
+    if (estimates.people.size() > 1)
+        motion.note += fmt::format(", person {} of {} people, who has most poses", person.name,
+                                   estimates.people.size());
+    motion.note +=
+        estimates.fps ? fmt::format(", {:g} a second", motion.fps) : ", taken to be 30 a second";
     const EstimatedPose* before = nullptr;
     for (const EstimatedPose& pose : person.poses) {
         const int64_t step = before == nullptr ? 1 : pose.picture - before->picture;
