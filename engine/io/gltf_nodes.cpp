@@ -353,8 +353,10 @@ std::array<double, 4> GltfChannel::at(double time) const {
     const size_t width = path == Path::Rotation ? 4 : 3, keys = times.size();
     const size_t each = between == Between::Cubic ? 3 * width : width;
     const size_t value = between == Between::Cubic ? width : 0;  // behind the first tangent
+    // Times of frames are rounded: one that is on a step is behind it.
+    const double reached = between == Between::Step ? time + 1e-4 : time;
     const auto after =
-        static_cast<size_t>(std::upper_bound(times.begin(), times.end(), time) - times.begin());
+        static_cast<size_t>(std::upper_bound(times.begin(), times.end(), reached) - times.begin());
     std::array<double, 4> result{};
     const auto take = [&](size_t key) {
         for (size_t c = 0; c < width; ++c) result[c] = values[key * each + value + c];

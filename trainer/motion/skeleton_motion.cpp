@@ -275,13 +275,11 @@ public:
                               along(joint::kRightShoulder, joint::kRightElbow)) /
                              2;
         const char* arms = slope < -.85 ? "arms down" : slope < -.3 ? "an A-pose" : "a T-pose";
-        const glm::dvec3 up = frame_ * glm::dvec3(0, 1, 0);
-        const char* axis = std::abs(up.y) > .9 ? "y" : std::abs(up.z) > .9 ? "z" : "x";
-        return fmt::format("{} as the rest pose{}, {} up, {:.4g} metres to the unit", arms,
+        return fmt::format("{} as the rest pose{}, {:.4g} metres to the unit", arms,
                            restFrame_ < 0
                                ? ""
                                : fmt::format(" (frame {}, for the skeleton's is none)", restFrame_),
-                           axis, scale_);
+                           scale_);
     }
 
     void pose(int64_t frame, Theta& theta, Trans& trans) const {
