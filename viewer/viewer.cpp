@@ -400,7 +400,7 @@ void Viewer::startExport(const fs::path& out) {
         std::launch::async,
         [device = options_.device, avatar = std::move(avatar), out, motion = shownMotion(), kind] {
             Device exporting(device);
-            exportAvatar(exporting, avatar, out, &motion, kind);
+            exportAvatar(exporting, avatar, out, &motion, {.texture = kind});
             glfwPostEmptyEvent();
         });
 }
