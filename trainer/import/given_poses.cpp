@@ -153,7 +153,7 @@ public:
     // The pose of a person in a frame, by one reading.
     std::optional<Found> poseAt(size_t frame, size_t person, size_t reading, double away) {
         const auto& poses = estimates_.people[person].poses;
-        const int64_t number = pictures_.numbers[frame];
+        const int64_t number = pictures_.numbers[frame] - first_;
         const auto after = std::ranges::lower_bound(poses, number, {}, &EstimatedPose::picture);
         if (after == poses.end()) return {};
         Found found;
@@ -207,6 +207,9 @@ public:
         }
         return *std::ranges::max_element(near, {}, &Found::overlap);
     }
+
+    // The picture of the clip that is the file's first one.
+    void countFrom(int64_t first) { first_ = first; }
 
     struct Reading {
         double overlap = 0;  // mean over the frames that were tried
@@ -336,10 +339,25 @@ private:
     const Estimates& estimates_;
     const Pictures& pictures_;
     bool known_;
+    int64_t first_ = 0;
     const DrawBody& draw_;
     FrameCache cache_;
     std::vector<Mask> masks_;
 };
+
+// Programs that were given a part of a clip count from its first picture, while its name still has
+// the number in the clip, from 0 or from 1.
+std::vector<int64_t> firstPictures(const Estimates& estimates) {
+    std::optional<int64_t> ahead;
+    for (const EstimatedPerson& person : estimates.people)
+        for (const EstimatedPose& pose : person.poses) {
+            const auto number = numberIn(pose.name);
+            if (!number || (ahead && *ahead != *number - pose.picture)) return {0};
+            ahead = *number - pose.picture;
+        }
+    if (!ahead || *ahead < 2) return {0};
+    return {0, *ahead - 1, *ahead};
+}
 
 // Frames in which somebody is, evenly over all of them.
 std::vector<size_t> framesToTry(Search& search, const Capture& capture, size_t people) {
@@ -401,13 +419,20 @@ GivenPoses takeGivenPoses(Capture& capture, const GivenPosesRequest& request,
         camera == capture.source.end() || camera->second.find("guessed") == std::string::npos;
     Search search(capture, estimates, pictures, known, drawBody);
 
-    const std::vector<size_t> tried = framesToTry(search, capture, estimates.people.size());
+    std::vector<size_t> tried;
     size_t reading = 0;
+    int64_t first = 0;
     Search::Reading best;
-    for (size_t r = 0; r < estimates.readings.size() && !tried.empty(); ++r) {
-        const Search::Reading found = search.tryReading(r, tried);
-        if (r == 0 || found.overlap > best.overlap + kClearlyBetter) reading = r, best = found;
+    for (const int64_t from : firstPictures(estimates)) {
+        search.countFrom(from);
+        const auto frames = framesToTry(search, capture, estimates.people.size());
+        for (size_t r = 0; r < estimates.readings.size() && !frames.empty(); ++r) {
+            const Search::Reading found = search.tryReading(r, frames);
+            if (!tried.empty() && found.overlap <= best.overlap + kClearlyBetter) continue;
+            reading = r, best = found, first = from, tried = frames;
+        }
     }
+    search.countFrom(first);
     if (!tried.empty() && best.overlap < kLeastOverlap)
         throwInput(
             "{}: expected poses of the person in the masks, found an overlap (IoU) of {:.2f} with "
@@ -452,6 +477,7 @@ GivenPoses takeGivenPoses(Capture& capture, const GivenPosesRequest& request,
     }
     if (!estimates.readings[reading].empty())
         given.told += fmt::format(", {}", estimates.readings[reading]);
+    if (first > 0) given.told += fmt::format(", from picture {} on", first);
     if (tried.empty()) given.told += ", not compared with masks, of which there are none";
     if (filled > 0) given.filled = fmt::format("{} between their neighbours", filled);
     if (kept.size() < frames) {

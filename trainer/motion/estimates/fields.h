@@ -52,7 +52,7 @@ void setRotations(Theta& theta, size_t joint, std::span<const glm::dquat> rotati
 // Where the pelvis of a body is whose program turns it about its pelvis `rest` and then moves it.
 inline glm::dvec3 restPelvis() { return {kRestPelvis[0], kRestPelvis[1], kRestPelvis[2]}; }
 // SMPL-X's pelvis in its rest pose, metres, for the mean shape.
-inline glm::dvec3 smplxPelvis() { return {.003, -.351, .012}; }
+inline glm::dvec3 smplxPelvis() { return {.0031, -.3514, .0120}; }
 
 // "clip/000012.jpg" → "000012".
 std::string pictureStem(std::string_view path);
