@@ -479,8 +479,10 @@ TEST(Motion, AFormatIsOneDeclaration) {
     folder.write("other.txt", std::string("nothing of the kind"));
     EXPECT_EQ(messageOf<InputError>([&] { readMotion(folder / "other.txt"); }),
               (folder / "other.txt").string() +
-                  ": expected a motion: a .bvh, a capture's folder, a poses.npz or a still.txt, "
-                  "found another kind of file");
+                  ": expected a motion: a .bvh, a capture's folder, a glTF animation (.glb, .gltf, "
+                  ".vrm, .vrma), a poses.npz, a still.txt or other programs' poses (AMASS, "
+                  "4D-Humans, WHAM, GVHMR, ROMP, VIBE, SPIN, "
+                  "EasyMocap), found another kind of file");
 }
 
 TEST(SelectFrames, Ranges) {

@@ -304,7 +304,10 @@ TEST(CommandLine, RefusesWithOneLineAndTwo) {
     refuse({"train", "c", "--out", "a", "--seed", "-1"}, "--seed");
     refuse({"render", "a", "--motion", "m", "--out", "d", "--background", "green"},
            "--background: expected capture or a colour as #rrggbb, found \"green\"");
-    refuse({"export", "a", "--out", "a.obj"}, "--out: expected a name that ends in .glb");
+    refuse({"export", "a", "--out", "a.fbx"}, "--out: expected a name that ends in .glb");
+    refuse({"export", "a", "--out", "a.bvh"}, "--motion: expected one for a.bvh");
+    refuse({"export", "a", "--out", "a.glb", "--names", "maya"},
+           "--names: expected smpl, vrm, mixamo or unreal");
     refuse({"train", "c", "--out", "a", "--memory", "-5"},
            "--memory: expected a number of bytes, as 6GB or 512MB, found \"-5\"");
     refuse({"train", "c", "--out", "a", "--memory", "0"}, "--memory: expected more than 0 bytes");

@@ -305,7 +305,7 @@ void Viewer::openDropped(const fs::path& path) {
     });
     if (extension == ".json") {
         pastePose(path);
-    } else if (fs::is_directory(path) || extension == ".npz" || extension == ".bvh") {
+    } else if (isMotion(path)) {
         loadMotion(path);
     } else {
         loadPicture(path);
@@ -400,7 +400,7 @@ void Viewer::startExport(const fs::path& out) {
         std::launch::async,
         [device = options_.device, avatar = std::move(avatar), out, motion = shownMotion(), kind] {
             Device exporting(device);
-            exportAvatar(exporting, avatar, out, &motion, kind);
+            exportAvatar(exporting, avatar, out, &motion, {.texture = kind});
             glfwPostEmptyEvent();
         });
 }

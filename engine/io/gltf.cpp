@@ -106,6 +106,11 @@ void check(const std::filesystem::path& path, const GltfScene& scene) {
     requireFinite(path, "normals", scene.normals);
     requireFinite(path, "UVs", scene.uvs);
     requireFinite(path, "weights", scene.weights);
+    for (const GltfMorph& morph : scene.morphs) {
+        CHECK(morph.positions.size() == count * 3, "a morph target moves each of {} vertices",
+              count);
+        requireFinite(path, "morph targets", morph.positions);
+    }
     if (!scene.animation) return;
     const GltfAnimation& animation = *scene.animation;
     const size_t keys = animation.times.size();
@@ -206,6 +211,16 @@ void addMesh(tinygltf::Model& model, const GltfScene& scene) {
     }
     tinygltf::Mesh mesh;
     mesh.name = scene.name;
+    tinygltf::Value::Array names;
+    for (const GltfMorph& morph : scene.morphs) {
+        primitive.targets.push_back(
+            {{"POSITION", addFloats(model, morph.positions, 3, kVertices, true)}});
+        mesh.weights.push_back(0);
+        names.emplace_back(morph.name);
+    }
+    if (!names.empty())
+        mesh.extras =
+            tinygltf::Value(tinygltf::Value::Object{{"targetNames", tinygltf::Value(names)}});
     mesh.primitives.push_back(std::move(primitive));
     model.meshes.push_back(std::move(mesh));
 }
@@ -247,6 +262,33 @@ void addSkeleton(tinygltf::Model& model, const GltfScene& scene) {
     gltfScene.nodes = {0, 1};
     model.scenes.push_back(std::move(gltfScene));
     model.defaultScene = 0;
+}
+
+// https://github.com/vrm-c/vrm-specification, VRMC_vrm-1.0
+void addVrm(tinygltf::Model& model, const GltfVrm& vrm) {
+    using Value = tinygltf::Value;
+    Value::Object bones;
+    for (const auto& [bone, joint] : vrm.bones)
+        bones[bone] = Value(Value::Object{{"node", Value(static_cast<int>(joint) + 1)}});
+    Value::Object meta{{"name", Value(vrm.name)},
+                       {"version", Value(std::string("1"))},
+                       {"authors", Value(Value::Array{Value(vrm.author)})},
+                       {"licenseUrl", Value(std::string("https://vrm.dev/licenses/1.0/"))},
+                       {"avatarPermission", Value(std::string("onlyAuthor"))},
+                       {"allowExcessivelyViolentUsage", Value(false)},
+                       {"allowExcessivelySexualUsage", Value(false)},
+                       {"commercialUsage", Value(std::string("personalNonProfit"))},
+                       {"allowPoliticalOrReligiousUsage", Value(false)},
+                       {"allowAntisocialOrHateUsage", Value(false)},
+                       {"creditNotation", Value(std::string("required"))},
+                       {"allowRedistribution", Value(false)},
+                       {"modification", Value(std::string("prohibited"))}};
+    if (!vrm.licence.empty()) meta["otherLicenseUrl"] = Value(vrm.licence);
+    model.extensions["VRMC_vrm"] =
+        Value(Value::Object{{"specVersion", Value(std::string("1.0"))},
+                            {"meta", Value(meta)},
+                            {"humanoid", Value(Value::Object{{"humanBones", Value(bones)}})}});
+    model.extensionsUsed.push_back("VRMC_vrm");
 }
 
 void addAnimation(tinygltf::Model& model, const GltfScene& scene) {
@@ -350,8 +392,9 @@ std::vector<uint32_t> fillMesh(GltfScene& scene, std::span<const float> verts,
 void writeGlb(const std::filesystem::path& path, const GltfScene& scene) {
     std::string extension = path.extension().string();
     for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-    if (extension != ".glb") {
-        throwInput("{}: expected a name that ends with .glb", path.string());
+    const char* expected = scene.vrm ? ".vrm" : ".glb";
+    if (extension != expected) {
+        throwInput("{}: expected a name that ends with {}", path.string(), expected);
     }
     check(path, scene);
     AtomicFile file(path);  // before the work, so that a bad folder is said at once
@@ -363,6 +406,7 @@ void writeGlb(const std::filesystem::path& path, const GltfScene& scene) {
     addMesh(model, scene);
     addSkeleton(model, scene);
     if (scene.animation) addAnimation(model, scene);
+    if (scene.vrm) addVrm(model, *scene.vrm);
     std::ostringstream out;
     tinygltf::TinyGLTF writer;
     if (!writer.WriteGltfSceneToStream(&model, out, false, true)) {

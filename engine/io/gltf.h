@@ -8,6 +8,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "engine/io/image.h"
@@ -29,6 +30,20 @@ struct GltfAnimation {
     std::vector<float> translations;  // [K, 3], metres, added to the root joint's rest position
 };
 
+// What moves the vertices by a share that players choose; it begins at 0.
+struct GltfMorph {
+    std::string name;
+    std::vector<float> positions;  // [V, 3], metres, added to the rest pose at a share of 1
+};
+
+// What makes the file a VRM 1.0 avatar (VRMC_vrm).
+struct GltfVrm {
+    std::string name, author;
+    std::string licence;  // a page's address, beside VRM's own licence; may be empty
+    // Which joints are VRM's bones: "leftUpperLeg" and the joint's number.
+    std::vector<std::pair<std::string, size_t>> bones;
+};
+
 // Model space: metres, y up, facing +z. Vertices are split along the seams of the atlas: one UV
 // each (fillMesh does that).
 struct GltfScene {
@@ -44,6 +59,10 @@ struct GltfScene {
     bool unlit = true;  // KHR_materials_unlit: the texture holds the light of the capture
     bool doubleSided = false;
     std::optional<GltfAnimation> animation;
+    std::vector<GltfMorph> morphs;
+    // Such a file says that only its author may wear the avatar, and that it may be neither sold,
+    // changed nor passed on: it shows a person.
+    std::optional<GltfVrm> vrm;
 };
 
 // The body's own arrays into the scene's mesh: vertices are copied where corners of different faces
@@ -57,8 +76,8 @@ std::vector<uint32_t> fillMesh(GltfScene& scene, std::span<const float> verts,
                                std::span<const float> weights, int joints);
 
 // Appears whole or not at all (engine/files/atomic_file.h); the same scene gives the same bytes.
-// InputError: the name does not end with .glb, or a value in the scene is not finite. Sizes that do
-// not fit each other are our own bug (CHECK).
+// InputError: the name does not end with .glb (.vrm where there is a vrm), or a value in the scene
+// is not finite. Sizes that do not fit each other are our own bug (CHECK).
 void writeGlb(const std::filesystem::path& path, const GltfScene& scene);
 
 }  // namespace doppel

@@ -7,8 +7,8 @@
 #include "engine/files/atomic_file.h"
 #include "engine/files/deflate.h"
 #include "engine/files/printable.h"
-#include "engine/io/pickle_graph.h"
-#include "engine/io/pickle_machine.h"
+#include "engine/io/pickles/pickle_graph.h"
+#include "engine/io/pickles/pickle_machine.h"
 
 namespace doppel {
 

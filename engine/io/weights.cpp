@@ -1,143 +1,20 @@
 #include "engine/io/weights.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstring>
-#include <functional>
 #include <map>
 #include <optional>
 
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
-#include "engine/files/numbers.h"
 #include "engine/files/printable.h"
-#include "engine/files/zip.h"
-#include "engine/io/pickle.h"
+#include "engine/io/torch_file.h"
 
 namespace doppel {
 
 namespace {
 
 constexpr uint64_t kMaxFile = uint64_t{8} << 30;
-constexpr ZipKind kTorchZip{"a", "PyTorch", "entries"};
-
-// The sizes of elements, and whether they are read.
-struct StorageType {
-    const char* name;
-    size_t size;
-    const char* dtype;  // as NumPy says it; bf16; null: integers, left out
-};
-
-constexpr StorageType kStorageTypes[] = {
-    {"FloatStorage", 4, "<f4"},     {"DoubleStorage", 8, "<f8"}, {"HalfStorage", 2, "<f2"},
-    {"BFloat16Storage", 2, "bf16"}, {"LongStorage", 8, nullptr}, {"IntStorage", 4, nullptr},
-    {"ShortStorage", 2, nullptr},   {"CharStorage", 1, nullptr}, {"ByteStorage", 1, nullptr},
-    {"BoolStorage", 1, nullptr},
-};
-
-const StorageType& typeOf(const TorchTensor& tensor, const std::string& where) {
-    for (const StorageType& type : kStorageTypes) {
-        if (tensor.type == type.name) return type;
-    }
-    throwInput("{}: a tensor of type {}; expected float32, float16, bfloat16 or float64", where,
-               tensor.type);
-}
-
-std::vector<float> toFloats(const StorageType& type, std::span<const uint8_t> bytes,
-                            const std::string& where) {
-    const size_t count = bytes.size() / type.size;
-    if (std::strcmp(type.dtype, "bf16") == 0) {
-        std::vector<float> values(count);
-        for (size_t i = 0; i < count; ++i) {
-            uint16_t half;
-            std::memcpy(&half, &bytes[2 * i], 2);
-            values[i] = bfloat16ToFloat(half);
-        }
-        return values;
-    }
-    return arrayFromRaw(type.dtype, {static_cast<int64_t>(count)}, false, bytes, where).toF32();
-}
-
-// The storages of one file, each converted once.
-class Storages {
-public:
-    using Fetch = std::function<std::vector<uint8_t>(const std::string& key, uint64_t bytes,
-                                                     const std::string& where)>;
-
-    // fileSize: tensors may be a few times larger (halves that become floats), but not more.
-    Storages(Fetch fetch, uint64_t fileSize)
-        : fetch_(std::move(fetch)), budget_(4 * fileSize + (uint64_t{1} << 16)) {}
-
-    Tensor32 view(const TorchTensor& tensor, const StorageType& type, const std::string& where) {
-        if (tensor.shape.size() != tensor.strides.size() || tensor.shape.size() > 16) {
-            throwInput("{}: {} sizes with {} strides", where, tensor.shape.size(),
-                       tensor.strides.size());
-        }
-        int64_t count = 1, last = tensor.offset;
-        bool impossible = tensor.offset < 0 || tensor.storageSize < 0;
-        for (size_t d = 0; d < tensor.shape.size(); ++d) {
-            const int64_t size = tensor.shape[d], stride = tensor.strides[d];
-            int64_t reach = 0;
-            impossible = impossible || size < 0 || stride < 0 ||
-                         __builtin_mul_overflow(count, size, &count) ||
-                         __builtin_mul_overflow(std::max<int64_t>(size - 1, 0), stride, &reach) ||
-                         __builtin_add_overflow(last, reach, &last);
-        }
-        if (impossible) throwInput("{}: a tensor of impossible shape", where);
-        if (count > 0 && last >= tensor.storageSize) {
-            throwInput("{}: its elements reach to {} of a storage of {}", where, last,
-                       tensor.storageSize);
-        }
-        const uint64_t bytes = static_cast<uint64_t>(count) * sizeof(float);
-        if (static_cast<uint64_t>(count) > budget_ || bytes > budget_) {
-            throwInput("{}: its tensors are far larger than the file", where);
-        }
-        budget_ -= bytes;
-        Tensor32 result{tensor.shape, std::vector<float>(static_cast<size_t>(count))};
-        if (count == 0) return result;
-        const std::vector<float>& values = load(tensor, type, where);
-        std::vector<int64_t> index(tensor.shape.size(), 0);
-        int64_t from = tensor.offset;
-        for (float& value : result.values) {
-            value = values[static_cast<size_t>(from)];
-            for (size_t d = index.size(); d-- > 0;) {
-                from += tensor.strides[d];
-                if (++index[d] < tensor.shape[d]) break;
-                from -= tensor.strides[d] * tensor.shape[d];
-                index[d] = 0;
-            }
-        }
-        return result;
-    }
-
-private:
-    const std::vector<float>& load(const TorchTensor& tensor, const StorageType& type,
-                                   const std::string& where) {
-        const auto found = loaded_.find(tensor.storage);
-        if (found != loaded_.end()) {
-            if (found->second.type != &type ||
-                found->second.values.size() != static_cast<size_t>(tensor.storageSize)) {
-                throwInput("{}: a storage that tensors disagree about", where);
-            }
-            return found->second.values;
-        }
-        if (static_cast<uint64_t>(tensor.storageSize) > kMaxFile / type.size) {
-            throwInput("{}: a storage of {} elements", where, tensor.storageSize);
-        }
-        const std::vector<uint8_t> bytes =
-            fetch_(tensor.storage, static_cast<uint64_t>(tensor.storageSize) * type.size, where);
-        return loaded_.emplace(tensor.storage, Loaded{&type, toFloats(type, bytes, where)})
-            .first->second.values;
-    }
-
-    struct Loaded {
-        const StorageType* type;
-        std::vector<float> values;
-    };
-    Fetch fetch_;
-    uint64_t budget_;
-    std::map<std::string, Loaded> loaded_;
-};
 
 // The dict of tensors in what torch.save was given.
 PickleValue stateDict(const PickleValue& root) {
@@ -152,17 +29,16 @@ PickleValue stateDict(const PickleValue& root) {
     return root;
 }
 
-Safetensors collect(const PickleValue& root, Storages& storages, const std::string& file) {
+// tensorOf: a tensor's numbers; nothing where it holds integers.
+template <typename TensorOf>
+Safetensors collect(const PickleValue& root, const std::string& file, TensorOf tensorOf) {
     Safetensors result;
     result.file = file;
     const PickleValue dict = stateDict(root);
     for (const std::string& key : dict.keys()) {
-        const std::string where = fmt::format("{}: {}", file, printable(key));
-        const std::optional<TorchTensor> tensor = dict.at(key).asTorchTensor();
-        if (!tensor) continue;
-        const StorageType& type = typeOf(*tensor, where);
-        if (type.dtype == nullptr) continue;
-        result.tensors.emplace(key, storages.view(*tensor, type, where));
+        const PickleValue value = dict.at(key);
+        if (!value.asTorchTensor()) continue;
+        if (auto tensor = tensorOf(value)) result.tensors.emplace(key, std::move(*tensor));
     }
     if (result.tensors.empty()) {
         throwInput("{}: expected a state_dict (tensors by name), found none", file);
@@ -170,50 +46,9 @@ Safetensors collect(const PickleValue& root, Storages& storages, const std::stri
     return result;
 }
 
-Safetensors fromZip(std::span<const uint8_t> file, const std::string& name) {
-    std::map<std::string, ZipEntry> entries;
-    std::string prefix;
-    bool found = false;
-    for (ZipEntry& entry : zipEntries(file, kTorchZip, name, {.maxEntries = 65536})) {
-        if (entry.name == "data.pkl" || entry.name.ends_with("/data.pkl")) {
-            prefix = entry.name.substr(0, entry.name.size() - 8);
-            found = true;
-        }
-        entries.emplace(entry.name, entry);
-    }
-    if (!found) {
-        throwInput("{}: expected a PyTorch file, found a zip archive without data.pkl", name);
-    }
-    if (entries.contains(prefix + "constants.pkl")) {
-        throwInput(
-            "{}: expected a state_dict, found TorchScript, which is code; save the model's "
-            "state_dict() instead",
-            name);
-    }
-    if (const auto order = entries.find(prefix + "byteorder"); order != entries.end()) {
-        const std::vector<uint8_t> bytes = unpackZip(file, order->second, name);
-        if (std::string(bytes.begin(), bytes.end()) != "little") {
-            throwInput("{}: expected numbers in the byte order \"little\", found another", name);
-        }
-    }
-    const std::vector<uint8_t> pickle =
-        unpackZip(file, entries.at(prefix + "data.pkl"), name + ": data.pkl");
-    size_t consumed = 0;
-    const PickleValue root = torchPickleFromBytes(pickle, name, consumed);
-    Storages storages(
-        [&](const std::string& key, uint64_t bytes, const std::string& where) {
-            const auto entry = entries.find(prefix + "data/" + key);
-            if (entry == entries.end()) {
-                throwInput("{}: its storage {} is missing in the file", where, printable(key));
-            }
-            if (entry->second.size != bytes) {
-                throwInput("{}: expected {} bytes in its storage, found {}", where, bytes,
-                           entry->second.size);
-            }
-            return unpackZip(file, entry->second, where);
-        },
-        file.size());
-    return collect(root, storages, name);
+Safetensors fromZip(std::span<const uint8_t> bytes, const std::string& name) {
+    TorchFile file(bytes, name);
+    return collect(file.root(), name, [&](const PickleValue& value) { return file.tensor(value); });
 }
 
 // Before PyTorch 1.6: pickles of a magic number, a version, facts about the machine, the object and
@@ -243,7 +78,7 @@ Safetensors fromStream(std::span<const uint8_t> file, const std::string& name) {
     for (const std::string& key : dict.keys()) {
         const std::optional<TorchTensor> tensor = dict.at(key).asTorchTensor();
         if (!tensor) continue;
-        sizes[tensor->storage] = {typeOf(*tensor, name).size, tensor->storageSize};
+        sizes[tensor->storage] = {torchStorageType(*tensor, name).size, tensor->storageSize};
     }
     std::map<std::string, std::span<const uint8_t>> data;
     for (size_t i = 0; i < keys.size(); ++i) {
@@ -265,7 +100,7 @@ Safetensors fromStream(std::span<const uint8_t> file, const std::string& name) {
         data[key] = file.subspan(at, static_cast<size_t>(bytes));
         at += static_cast<size_t>(bytes);
     }
-    Storages storages(
+    TorchStorages storages(
         [&](const std::string& key, uint64_t bytes, const std::string& where) {
             const auto found = data.find(key);
             if (found == data.end() || found->second.size() != bytes) {
@@ -274,7 +109,11 @@ Safetensors fromStream(std::span<const uint8_t> file, const std::string& name) {
             return std::vector<uint8_t>(found->second.begin(), found->second.end());
         },
         file.size());
-    return collect(root, storages, name);
+    return collect(root, name, [&](const PickleValue& value) -> std::optional<Tensor32> {
+        const TorchStorageType& type = torchStorageType(*value.asTorchTensor(), value.where());
+        if (type.dtype == nullptr) return {};
+        return storages.view(*value.asTorchTensor(), type, value.where());
+    });
 }
 
 }  // namespace

@@ -10,8 +10,11 @@
 #include "engine/error.h"
 #include "nn/body/body.h"
 #include "trainer/avatar/avatar_renderer.h"
+#include "trainer/avatar/formats/model_files.h"
+#include "trainer/avatar/formats/motion_files.h"
 #include "trainer/avatar/sheet.h"
 #include "trainer/data/pose.h"
+#include "trainer/motion/skeleton_motion.h"
 
 namespace doppel {
 
@@ -111,14 +114,65 @@ void fillBetweenCharts(Image& image, std::vector<uint8_t> covered) {
 
 // ---- motion -------------------------------------------------------------------------------------
 
-glm::dquat uprightRotation(const Motion& motion) {
-    glm::dquat fromCamera(0, 1, 0, 0);  // half a turn about x
-    if (!motion.cameras.empty()) return fromCamera;
+namespace {
+
+enum class Up : uint8_t { MinusY, Y, Z };
+
+// How much the body's lowest joint goes up and down along an axis: feet, or whatever else a person
+// lies or kneels on, stay on the ground.
+double floorSpread(const Motion& motion, const glm::dvec3& axis) {
+    constexpr size_t kMost = 200;
+    std::vector<double> lows;
+    for (size_t f = 0; f < motion.size(); f += (motion.size() + kMost - 1) / kMost) {
+        double low = std::numeric_limits<double>::infinity();
+        for (const glm::dvec3& place : placeJoints(motion.theta[f], motion.trans[f]))
+            low = std::min(low, glm::dot(place, axis));
+        lows.push_back(low);
+    }
+    std::ranges::sort(lows);
+    return lows[lows.size() * 9 / 10] - lows[lows.size() / 10];
+}
+
+Up upOf(const Motion& motion) {
+    if (!motion.cameras.empty()) return Up::MinusY;
     glm::dvec3 up(0);
     for (const Theta& theta : motion.theta) up += jointRotation(theta, 0) * glm::dvec3(0, 1, 0);
-    if (-up.y >= std::max(up.y, up.z)) return fromCamera;
-    if (up.y >= up.z) return {1, 0, 0, 0};
+    up /= static_cast<double>(std::max<size_t>(motion.size(), 1));
+    const std::array<glm::dvec3, 3> axes = {glm::dvec3(0, -1, 0), {0, 1, 0}, {0, 0, 1}};
+    size_t best = -up.y >= std::max(up.y, up.z) ? 0 : up.y >= up.z ? 1 : 2;
+    // Somebody who lies, crawls or tumbles: what the ground says counts more, where it says much.
+    if (motion.size() > 1 && glm::dot(up, axes[best]) < .5) {
+        std::array<double, 3> spread;
+        for (size_t a = 0; a < 3; ++a) spread[a] = floorSpread(motion, axes[a]);
+        // Up and down are one line: which of them it is, the bodies say.
+        const double y = std::min(spread[0], spread[1]);
+        if (spread[2] < .5 * y) best = 2;
+        if (y < .5 * spread[2] && best == 2) best = up.y >= 0 ? 1 : 0;
+    }
+    return static_cast<Up>(best);
+}
+
+}  // namespace
+
+glm::dquat uprightRotation(const Motion& motion) {
+    switch (upOf(motion)) {
+        case Up::MinusY:
+            return {0, 1, 0, 0};  // half a turn about x
+        case Up::Y:
+            return {1, 0, 0, 0};
+        case Up::Z:
+            break;
+    }
     return glm::angleAxis(-std::acos(-1.0) / 2, glm::dvec3(1, 0, 0));
+}
+
+std::string takenAs(const Motion& motion) {
+    if (!motion.cameras.empty()) return motion.note;
+    const Up up = upOf(motion);
+    return fmt::format("{}{}{}", motion.note, motion.note.empty() ? "" : ", ",
+                       up == Up::MinusY ? "y down, as before a camera"
+                       : up == Up::Y    ? "y up"
+                                        : "z up");
 }
 
 namespace {
@@ -244,27 +298,75 @@ std::vector<Theta> posesToMatch(const Motion* motion) {
 
 }  // namespace
 
+namespace {
+
+std::string endingOf(const std::filesystem::path& out) {
+    std::string ending = out.extension().string();
+    for (char& c : ending)
+        if (c >= 'A' && c <= 'Z') c = static_cast<char>(c + 32);
+    return ending;
+}
+
+// The joints above the ground, and the motion.
+GltfScene skeletonScene(const Avatar& avatar, std::span<const float> bindVerts,
+                        const Motion* motion, JointNames names) {
+    GltfScene scene;
+    const Rig rig(avatar);
+    const float ground = lowest(bindVerts);
+    for (size_t j = 0; j < kJoints; ++j) {
+        std::array<float, 3> place;
+        for (size_t c = 0; c < 3; ++c)
+            place[c] = static_cast<float>(rig.rest[j][static_cast<int>(c)]);
+        place[1] -= ground;
+        scene.skeleton.push_back(
+            {jointNameFor(names, j), std::max(avatar.body.parents[j], -1), place});
+    }
+    if (motion) scene.animation = animate(rig, bindVerts, ground, *motion);
+    return scene;
+}
+
+// What each shape coefficient adds to the vertices, at one standard deviation.
+std::vector<GltfMorph> shapeMorphs(const BodyModel& body, std::span<const uint32_t> sources) {
+    constexpr size_t kShapes = std::tuple_size_v<Betas>;
+    std::vector<GltfMorph> morphs;
+    for (size_t k = 0; k < kShapes; ++k) {
+        GltfMorph morph{fmt::format("shape{}", k), {}};
+        for (const size_t v : sources)
+            for (size_t c = 0; c < 3; ++c)
+                morph.positions.push_back(body.shapeDirections[(3 * v + c) * kShapes + k]);
+        morphs.push_back(std::move(morph));
+    }
+    return morphs;
+}
+
+GltfVrm vrmOf(const Avatar& avatar, const ExportSettings& settings) {
+    GltfVrm vrm;
+    const auto name = avatar.provenance.find("capture");
+    vrm.name = name != avatar.provenance.end() && !name->second.empty() ? name->second : "avatar";
+    vrm.author = settings.author.empty() ? "unknown" : settings.author;
+    vrm.licence = settings.licence;
+    // Hands end there; fingers are not posed.
+    for (size_t j = 0; j < joint::kLeftHand; ++j)
+        vrm.bones.emplace_back(jointNameFor(JointNames::Vrm, j), j);
+    return vrm;
+}
+
+}  // namespace
+
 GltfScene avatarScene(const Avatar& avatar, std::span<const float> bindVerts, const Motion* motion,
-                      TextureKind texture) {
+                      const ExportSettings& settings) {
     const BodyModel& body = avatar.body;
     CHECK(bindVerts.size() == 3 * static_cast<size_t>(body.vertexCount),
           "the bind pose must have the body's {} vertices", body.vertexCount);
     if (avatar.texture.empty())
         throwInput("the avatar has no texture yet; train stage texture first");
 
-    GltfScene scene;
-    fillMesh(scene, bindVerts, areaNormals(bindVerts, body.faces), body.faces, body.uvs,
-             body.uvFaces, body.weights, BodyModel::kJoints);
+    GltfScene scene = skeletonScene(avatar, bindVerts, motion, settings.names);
+    const auto sources = fillMesh(scene, bindVerts, areaNormals(bindVerts, body.faces), body.faces,
+                                  body.uvs, body.uvFaces, body.weights, BodyModel::kJoints);
     float ground = lowest(bindVerts);
     for (size_t i = 1; i < scene.positions.size(); i += 3) scene.positions[i] -= ground;
-    Rig rig(avatar);
-    for (size_t j = 0; j < kJoints; ++j) {
-        std::array<float, 3> place;
-        for (size_t c = 0; c < 3; ++c)
-            place[c] = static_cast<float>(rig.rest[j][static_cast<int>(c)]);
-        place[1] -= ground;
-        scene.skeleton.push_back({jointName(j), std::max(body.parents[j], -1), place});
-    }
+    const TextureKind texture = settings.texture;
     CHECK(texture != TextureKind::Refined, "an exported mesh has one texture for all views");
     bool baked = texture != TextureKind::Coarse && !avatar.bakedTexture.empty();
     CHECK(baked || texture != TextureKind::Baked, "the avatar has a baked texture");
@@ -272,21 +374,69 @@ GltfScene avatarScene(const Avatar& avatar, std::span<const float> bindVerts, co
                               avatar.textureSize);
     fillBetweenCharts(scene.baseColor, chartTexels(body, avatar.textureSize));
     scene.unlit = scene.doubleSided = true;
-    if (motion) scene.animation = animate(rig, bindVerts, ground, *motion);
+    if (settings.shapes) scene.morphs = shapeMorphs(body, sources);
     return scene;
 }
 
+bool isExportName(const std::filesystem::path& out) {
+    const std::string ending = endingOf(out);
+    return ending == ".glb" || ending == ".vrm" || ending == ".usda" || ending == ".obj" ||
+           isMotionFile(out);
+}
+
+bool isMotionFile(const std::filesystem::path& out) {
+    const std::string ending = endingOf(out);
+    return ending == ".bvh" || ending == ".npz" || ending == ".json";
+}
+
 void exportAvatar(Device& device, const Avatar& avatar, const std::filesystem::path& out,
-                  const Motion* motion, TextureKind texture) {
+                  const Motion* motion, const ExportSettings& settings) {
+    const std::string ending = endingOf(out);
+    if (!isExportName(out))
+        throwInput("{}: expected a name that ends in .glb, .vrm, .usda, .obj, .bvh, .npz or .json",
+                   out.string());
+    if (isMotionFile(out)) {
+        if (!motion) throwInput("{}: expected a motion (--motion), found none", out.string());
+        const std::vector<double> shaped = shapedVertices(
+            avatar.body, std::vector<double>(avatar.betas.begin(), avatar.betas.end()));
+        const GltfScene scene = skeletonScene(
+            avatar, std::vector<float>(shaped.begin(), shaped.end()), motion, settings.names);
+        (ending == ".bvh" ? writeBvh : ending == ".npz" ? writeAmass : writePosesJson)(out, scene);
+        return;
+    }
+    if (ending == ".vrm" && motion)
+        throwInput(
+            "{}: expected no motion, since a VRM file is an avatar without one; .glb and "
+            ".bvh take it",
+            out.string());
+    if (settings.shapes && ending != ".glb" && ending != ".vrm")
+        throwInput("{}: expected .glb or .vrm for --shapes, found another", out.string());
+    if (ending == ".obj" && motion && motion->size() != 1)
+        throwInput("{}: expected one frame, since an OBJ has one pose, found {}; --frames picks it",
+                   out.string(), motion->size());
     AvatarRenderer renderer(device, avatar, true, TextureKind::Coarse);
-    std::vector<float> bind = bindVertices(renderer, Rig(avatar), posesToMatch(motion));
-    for (float x : bind)
+    std::vector<float> verts;
+    if (ending == ".obj" && motion) {
+        verts = renderer.vertices(motion->theta[0], motion->trans[0]);
+        const glm::dquat upright = uprightRotation(*motion);
+        for (size_t v = 0; v < verts.size() / 3; ++v) {
+            const glm::dvec3 turned = upright * vertex(verts, v);
+            for (int c = 0; c < 3; ++c)
+                verts[3 * v + static_cast<size_t>(c)] = static_cast<float>(turned[c]);
+        }
+        motion = nullptr;
+    } else {
+        verts = bindVertices(renderer, Rig(avatar), posesToMatch(motion));
+    }
+    for (float x : verts)
         if (!std::isfinite(x))
             throwInput(
                 "{}: cannot be made: the avatar's mesh network gives vertices that are not "
                 "finite; train stage mesh again",
                 out.string());
-    writeGlb(out, avatarScene(avatar, bind, motion, texture));
+    GltfScene scene = avatarScene(avatar, verts, motion, settings);
+    if (ending == ".vrm") scene.vrm = vrmOf(avatar, settings);
+    (ending == ".obj" ? writeObj : ending == ".usda" ? writeUsd : writeGlb)(out, scene);
 }
 
 }  // namespace doppel

@@ -1,4 +1,5 @@
-// Avatars for other programs: glTF with a skinned mesh, its texture and, if wanted, a motion.
+// Avatars for other programs: glTF, VRM, USD and OBJ, with a skinned mesh, its texture and, if
+// wanted, a motion; and motions alone.
 //
 // Skinning has one mesh for all poses, where the mesh network refines each pose anew. What is
 // exported is the one T-pose mesh that skinning brings closest to the network's in a standing pose
@@ -8,18 +9,32 @@
 #include <filesystem>
 #include <glm/gtc/quaternion.hpp>
 #include <span>
+#include <string>
 
 #include "engine/device.h"
 #include "engine/io/gltf.h"
 #include "trainer/avatar/avatar.h"
+#include "trainer/avatar/formats/joint_names.h"
 #include "trainer/motion/motion.h"
 
 namespace doppel {
 
 // What turns the space of a motion's poses into one with y up. Poses from a capture are in camera
 // space, y down. Poses without cameras may also have been made with y or z up: the one of the three
-// that brings the bodies closest to standing.
+// that brings the bodies closest to standing; of people who mostly lie or crawl, the one whose
+// ground they stay on.
 glm::dquat uprightRotation(const Motion& motion);
+
+// What the motion's reader took its file to mean, and which axis is up, in a line for people:
+// "AMASS, 120 a second, z up". Empty for a capture, of which nothing is guessed.
+std::string takenAs(const Motion& motion);
+
+struct ExportSettings {
+    TextureKind texture = TextureKind::Best;  // Coarse or Baked; Best is the baked one, if any
+    JointNames names = JointNames::Smpl;
+    bool shapes = false;          // glTF: a morph target for each shape coefficient
+    std::string author, licence;  // of a VRM: who made it, and a licence's address; may be empty
+};
 
 // bindVerts [V,3]: the avatar's vertices in the T-pose, body frame. The scene has the same axes
 // (metres, y up, facing +z), with the ground, y = 0, under the lowest vertex.
@@ -31,14 +46,23 @@ glm::dquat uprightRotation(const Motion& motion);
 // Texels between the charts of the atlas take the colour of the nearest chart, because players
 // average texels where the person is small.
 //
+// Shapes move the T-pose as a step of one standard deviation moves the body; the skeleton stays,
+// since glTF's morph targets move vertices only.
+//
 // InputError where there is no texture.
-// texture: Coarse or Baked; Best is the baked one where there is one.
 GltfScene avatarScene(const Avatar& avatar, std::span<const float> bindVerts, const Motion* motion,
-                      TextureKind texture = TextureKind::Best);
+                      const ExportSettings& settings = {});
 
-// Writes it to `out`, *.glb, which appears whole or not at all. motion may be null. InputError
-// where there is no texture, and where the mesh network's vertices are not finite.
+// The endings that exportAvatar knows, and of those the ones that are a motion's alone.
+bool isExportName(const std::filesystem::path& out);
+bool isMotionFile(const std::filesystem::path& out);
+
+// Writes the avatar to `out`, which appears whole or not at all: *.glb, *.vrm (VRM 1.0, without
+// motion), *.usda (and FILE.png), *.obj (and FILE.mtl, FILE.png; of a motion its only frame, posed
+// by the networks); or its motion alone, on its skeleton: *.bvh, *.npz (AMASS's), *.json. motion
+// may be null, but not for those. InputError: another name, what does not go with it, no texture,
+// and where the mesh network's vertices are not finite.
 void exportAvatar(Device& device, const Avatar& avatar, const std::filesystem::path& out,
-                  const Motion* motion, TextureKind texture = TextureKind::Best);
+                  const Motion* motion, const ExportSettings& settings = {});
 
 }  // namespace doppel

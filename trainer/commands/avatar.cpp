@@ -33,11 +33,15 @@ std::string requestOf(const ImportOptions& options) {
     std::error_code ignored;
     return fmt::format(
         "source = {}\nbytes = {}\nkey = {}\nfps = {}\nframes = {}\nfrom = {}\nto = {}\nevery = {}\n"
-        "rows = {}\nkeep_similar = {}\npose = {}\nperson = {}\nfov = {}\nheight = {}\nbody = {}\n",
+        "rows = {}\nkeep_similar = {}\npose = {}\nperson = {}\nfov = {}\nheight = {}\nbody = "
+        "{}\n{}",
         fs::absolute(r.source).lexically_normal().string(),
         fs::is_regular_file(r.source, ignored) ? fs::file_size(r.source, ignored) : 0, r.key, r.fps,
         r.frames, clip.from, clip.to, clip.every, clip.rows, clip.keepSimilar, options.net,
-        r.person, r.fov, r.height, options.body);
+        r.person, r.fov, r.height, options.body,
+        r.poses.empty()
+            ? std::string()
+            : fmt::format("poses = {}\n", fs::absolute(r.poses).lexically_normal().string()));
 }
 
 std::string contentOf(const fs::path& path) {
@@ -87,7 +91,8 @@ void bringCaptureIn(const AvatarOptions& options) {
 void runAvatar(const AvatarOptions& options) {
     catchInterrupts();
     requireApart(options.out,
-                 {options.import.settings.request.source, bodyFile(options.import.body)});
+                 {options.import.settings.request.source, options.import.settings.request.poses,
+                  bodyFile(options.import.body)});
     claimFiles(options.out, "person", {"capture", "avatar", "request.txt"});
     const FolderLock lock(options.out);
     bringCaptureIn(options);

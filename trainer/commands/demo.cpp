@@ -123,7 +123,9 @@ void runDemo(const DemoOptions& options) {
     Shot rest = restShot(device, person, kFilmSize);
     std::vector<Shot> turn, dance;
     for (int i = 0; i < kFilmFrames; ++i) turn.push_back(turned(rest, i / double(kFilmFrames)));
-    Motion greetings{"", "greeting", kFramesPerSecond, {}, {}, {}, {}};
+    Motion greetings;
+    greetings.name = "greeting";
+    greetings.fps = kFramesPerSecond;
     Trans stage = rest.trans;
     stage[1] *= 0.8f;  // further away, with room for raised hands
     stage[2] *= 1.25f;

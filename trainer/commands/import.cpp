@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <iostream>
 #include <nlohmann/json.hpp>
 
@@ -17,7 +18,8 @@
 namespace doppel {
 
 ImportResult bringIn(const ImportOptions& options) {
-    requireApart(options.settings.out, {options.settings.request.source, bodyFile(options.body)});
+    const ImportRequest& request = options.settings.request;
+    requireApart(options.settings.out, {request.source, request.poses, bodyFile(options.body)});
     const BodyModel body = bodyFromNpz(readBodyArrays(options.body));
     Device device(options.common.deviceOptions());
     BodyPoser poser(device, body);
@@ -50,6 +52,9 @@ void runImport(const ImportOptions& options) {
                                     {"masks_keyed", result.keyedMasks}};
         if (capture.keypoints) json["keypoints"] = capture.keypoints->scheme;
         if (result.givenMasks + result.keyedMasks > 0) json["iou"] = result.meanIou;
+        if (!result.iou.empty()) json["iou_of_frames"] = result.iou;
+        if (!result.poses.empty()) json["poses"] = result.poses;
+        if (!result.posesFilled.empty()) json["poses_filled"] = result.posesFilled;
         json["fps"] = capture.fps;
         for (const char* said : {"masks", "left_out", "ends", "cuts", "swaps", "heads", "camera"}) {
             if (const auto at = capture.source.find(said); at != capture.source.end())
@@ -76,6 +81,13 @@ void printImport(const ImportOptions& options, const ImportResult& result) {
                                      {"camera", "camera"}}) {
         if (const auto at = capture.source.find(said); at != capture.source.end())
             std::cout << fmt::format("{}: {}\n", what, at->second);
+    }
+    if (!result.poses.empty()) std::cout << fmt::format("poses: {}\n", result.poses);
+    if (!result.posesFilled.empty()) std::cout << fmt::format("poses: {}\n", result.posesFilled);
+    if (!result.poses.empty() && !result.iou.empty()) {
+        const auto worst = std::ranges::min_element(result.iou);
+        std::cout << fmt::format("poses: least IoU {:.3f}, in frame {}\n", *worst,
+                                 capture.frames[size_t(worst - result.iou.begin())].name);
     }
     if (masks > 0) {
         std::cout << fmt::format("masks: {}; IoU of the unfitted body with them {:.3f}\n",
@@ -134,6 +146,9 @@ void declareImportFlags(CommandFlags& flags, ImportOptions& o) {
         ->add_option("--height", o.settings.request.height,
                      "Of a clip: the person's height in metres, barefoot")
         ->check(CLI::Range(.5, 2.5));
+    flags.path("--poses", o.settings.request.poses,
+               "Poses of another program to take: 4D-Humans, WHAM, GVHMR, ROMP, VIBE, SPIN, "
+               "EasyMocap, AMASS (docs/formats.md)");
     flags.body(o.body);
     flags->add_flag("!--no-overlays", o.settings.overlays, "Leave the overlay pictures out");
 }
@@ -154,7 +169,9 @@ const Command<ImportOptions> kImport{{
         "is, is detected: a video or its frames, in which the person is found with networks that\n"
         "`scripts/setup --models` fetches; the Human Retargeting dataset's layout (images/,\n"
         "smpl_pose/*_body.pkl, segmentations/ if there are any); a capture of Doppel's own. Draws\n"
-        "the pose over each frame (overlay.jpg, overlays/).",
+        "the pose over each frame (overlay.jpg, overlays/). --poses takes another program's poses "
+        "of\n"
+        "the same pictures in the place of those that Doppel starts from.",
     .example = "doppel import clip.mp4 --out me --every 3",
     .flags = declareFlags,
     .run = runImport,

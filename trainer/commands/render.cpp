@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "trainer/avatar/background.h"
+#include "trainer/avatar/export.h"
 #include "trainer/avatar/picture_sequence.h"
 #include "trainer/avatar/rendering.h"
 #include "trainer/commands/command.h"
@@ -38,6 +39,8 @@ void runRender(const RenderOptions& options) {
     TextureKind texture = textureKind(options.texture);
     requireTexture(avatar, texture, options.avatar);
     Motion motion = readMotion(options.motion);
+    if (const std::string taken = takenAs(motion); !taken.empty())
+        fmt::print(stderr, "{}: {}\n", options.motion.string(), taken);
     std::vector<size_t> chosen = selectFrames(options.frames, motion.size());
     // Smoothed whole, so that a part of a motion moves as it does in the whole.
     motion = smoothed(std::move(motion), options.smooth).subset(chosen);
@@ -103,7 +106,10 @@ namespace {
 void declareFlags(CommandFlags& flags, RenderOptions& o) {
     flags.precision();
     flags.path("AVATAR", o.avatar, "Avatar's folder")->required();
-    flags.path("--motion", o.motion, "A capture, a poses.npz or a .bvh")->required();
+    flags
+        .path("--motion", o.motion,
+              "A capture, a poses.npz, BVH, glTF, AMASS or an estimator's poses (docs/formats.md)")
+        ->required();
     flags.path("--out", o.out, "FILE.mp4, or a folder for PNG pictures")->required();
     flags->add_option("--camera", o.camera, "capture, turntable, or a cameras.npz")
         ->capture_default_str();

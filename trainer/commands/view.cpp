@@ -17,7 +17,8 @@ struct ViewOptions {
 void declareFlags(CommandFlags& flags, ViewOptions& o) {
     flags.precision();
     flags.path("AVATAR", o.viewer.avatar, "Avatar's folder")->required();
-    flags.path("--motion", o.viewer.motion, "A capture, a poses.npz or a .bvh to play");
+    flags.path("--motion", o.viewer.motion,
+               "A capture, a poses.npz, BVH, glTF, AMASS or an estimator's poses to play");
     flags.frames(o.viewer.frames, "Frames of the motion");
     flags.path("--pose", o.viewer.pose, "A pose to begin with, JSON as the viewer copies it");
     const auto setSize = [&o](const std::string& text) {

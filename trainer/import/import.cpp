@@ -11,6 +11,7 @@
 #include "trainer/data/version.h"
 #include "trainer/eval/metrics.h"
 #include "trainer/import/chroma_key.h"
+#include "trainer/import/given_poses.h"
 
 namespace doppel {
 namespace fs = std::filesystem;
@@ -36,6 +37,13 @@ ImportResult importCapture(const ImportSettings& settings, const DrawBody& drawB
     request.workspace = writer.folder();
     ImportSource source = readImportSource(request);
     Capture& capture = source.capture;
+    ImportResult result;
+    if (!request.poses.empty()) {
+        GivenPoses given =
+            takeGivenPoses(capture, {request.poses, request.source, request.workspace}, drawBody);
+        result.poses = std::move(given.told);
+        result.posesFilled = std::move(given.filled);
+    }
     const size_t frames = capture.size();
     FrameCache cache(capture, size_t{64} << 20);
     const auto draw = [&](size_t f) {
@@ -74,7 +82,6 @@ ImportResult importCapture(const ImportSettings& settings, const DrawBody& drawB
         capture.source["key"] = fmt::format("#{:02x}{:02x}{:02x}", r, g, b);
     }
 
-    ImportResult result;
     result.layout = source.layout;
     const std::vector<size_t> onSheet = evenly(frames, kSheetPictures);
     std::vector<Image> sheet;
@@ -102,7 +109,8 @@ ImportResult importCapture(const ImportSettings& settings, const DrawBody& drawB
         }
         if (!picture.mask.empty()) {
             writer.addMask(frame.name, picture.width, picture.height, picture.mask);
-            result.meanIou += intersectionOverUnion(body.mask, picture.mask) / double(frames);
+            result.iou.push_back(intersectionOverUnion(body.mask, picture.mask));
+            result.meanIou += result.iou.back() / double(frames);
         }
         if (settings.overlays) {
             const Image overlay = overlayPicture(picture, body);
@@ -119,6 +127,7 @@ ImportResult importCapture(const ImportSettings& settings, const DrawBody& drawB
         }
         progress.update(int64_t(f) + 1);
     }
+    if (result.iou.size() < frames) result.iou.clear();
     if (settings.overlays) {
         writeImage(writer.folder() / "overlay.jpg", tiles(sheet, kSheetColumns));
     }

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "trainer/data/capture.h"
 #include "trainer/import/importer.h"
@@ -23,6 +24,8 @@ struct ImportResult {
     std::string layout;
     size_t givenMasks = 0, keyedMasks = 0;
     double meanIou = 0;  // of the given poses' silhouettes with the masks; 0 where there are none
+    std::vector<double> iou;         // of each frame; empty where a frame has no mask
+    std::string poses, posesFilled;  // what was found of request.poses (GivenPoses)
 };
 
 // Reads the source with the importer that recognises it, and writes the capture settings.out with

@@ -15,9 +15,10 @@ namespace doppel {
 // What to read.
 struct ImportRequest {
     std::filesystem::path source;
-    std::string frames;  // selectFrames; empty: all
-    double fps = 30;     // of the recording, where the layout does not say
-    bool key = false;    // frames without a mask will get one
+    std::string frames;           // selectFrames; empty: all
+    double fps = 30;              // of the recording, where the layout does not say
+    bool key = false;             // frames without a mask will get one
+    std::filesystem::path poses;  // of another program, in the place of the source's; may be empty
 
     // Of a clip, whose frames and person have to be found first:
     ClipOptions clip;  // frames and fps are those above

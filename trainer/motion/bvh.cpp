@@ -289,4 +289,29 @@ Bvh readBvh(const std::filesystem::path& file) {
     return bvhFromText({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, file.string());
 }
 
+Motion motionFromBvh(const Bvh& bvh) {
+    SkeletonMotion source{
+        bvh.file,   "OFFSET",      {},
+        bvh.frames, bvh.frameTime, [&](int64_t frame) { return bvh.place(frame); }};
+    for (const Bvh::Joint& joint : bvh.joints)
+        source.joints.push_back({joint.name == "End Site" ? "" : joint.name, joint.parent});
+    return motionFromSkeleton(source);
+}
+
+namespace {
+
+const MotionFormat kBvh{{
+    .looks = "a .bvh",
+    .ending = ".bvh",
+    .recognises =
+        [](const std::filesystem::path&, std::string_view begin) {
+            if (begin.starts_with("\xef\xbb\xbf")) begin.remove_prefix(3);
+            begin.remove_prefix(std::min(begin.find_first_not_of(" \t\r\n"), begin.size()));
+            return begin.starts_with("HIERARCHY");
+        },
+    .read = [](const std::filesystem::path& path) { return motionFromBvh(readBvh(path)); },
+}};
+
+}  // namespace
+
 }  // namespace doppel

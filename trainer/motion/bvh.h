@@ -12,7 +12,7 @@
 #include <string_view>
 #include <vector>
 
-#include "trainer/motion/motion.h"
+#include "trainer/motion/skeleton_motion.h"
 
 namespace doppel {
 
@@ -34,11 +34,8 @@ struct Bvh {
     double frameTime = 0;        // seconds
     std::vector<double> values;  // [frames][channels] degrees, and positions in the file's unit
 
-    // Each joint's frame and place in the world. frame −1: the rest pose, without any channel.
-    struct Placement {
-        std::vector<glm::dquat> rotation;
-        std::vector<glm::dvec3> position;
-    };
+    // frame −1: the rest pose, without any channel.
+    using Placement = SkeletonMotion::Placement;
     Placement place(int64_t frame) const;
 };
 
@@ -47,16 +44,7 @@ struct Bvh {
 Bvh readBvh(const std::filesystem::path& file);
 Bvh bvhFromText(std::string_view text, const std::string& file);
 
-// The motion on SMPL's joints, in the file's own world: poses without cameras, most often with y
-// up.
-//
-// Joints are found by the names that CMU's files, Mixamo, Biovision, Poser, 3ds Max, Unreal,
-// Rokoko, Xsens and SMPL's programs give them; left and right hips, knees, shoulders and elbows
-// have to be there. The rest pose may be any standing one (T, A, arms down) that looks along an
-// axis; where the offsets make no such pose, the frame that is stretched most stands in for it.
-// Limbs are turned so that each bone points where the source's does. As many spine joints as the
-// source has become SMPL's three. The legs' lengths give the scale, whatever the unit: the hips
-// move as far as legs of the default body's length carry them.
+// The motion on SMPL's joints: see motionFromSkeleton.
 Motion motionFromBvh(const Bvh& bvh);
 
 }  // namespace doppel

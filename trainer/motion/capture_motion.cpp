@@ -3,6 +3,7 @@
 
 #include "engine/error.h"
 #include "trainer/data/capture_notes.h"
+#include "trainer/motion/estimates/estimate.h"
 #include "trainer/motion/motion.h"
 
 namespace doppel {
@@ -19,9 +20,13 @@ Motion readCaptureMotion(const fs::path& folder) {
             "found {}",
             (folder / "poses.npz").string(), notes.frames.size(), poses.theta.size());
     }
-    Motion motion{
-        folder,      notes.name, notes.fps, std::move(poses.theta), std::move(poses.trans),
-        poses.betas, {}};
+    Motion motion;
+    motion.source = folder;
+    motion.name = notes.name;
+    motion.fps = notes.fps;
+    motion.theta = std::move(poses.theta);
+    motion.trans = std::move(poses.trans);
+    motion.betas = poses.betas;
     std::error_code error;
     const fs::path cameras = folder / "cameras.npz";
     return fs::exists(cameras, error) ? throughCameras(std::move(motion), cameras) : motion;
@@ -29,7 +34,12 @@ Motion readCaptureMotion(const fs::path& folder) {
 
 const MotionFormat kCapture{{
     .looks = "a capture's folder",
-    .recognises = [](const fs::path& path, std::string_view) { return fs::is_directory(path); },
+    .recognises =
+        [](const fs::path& path, std::string_view) {
+            std::error_code error;
+            return fs::is_directory(path, error) &&
+                   (fs::exists(path / "poses.npz", error) || !areEstimates(path));
+        },
     .read = readCaptureMotion,
 }};
 

@@ -49,7 +49,7 @@ MotionFormat::MotionFormat(const Declaration& declaration) {
 }
 
 Motion Motion::subset(std::span<const size_t> indices) const {
-    Motion part{source, name, selectedRate(fps, indices), {}, {}, betas, {}};
+    Motion part{source, name, note, selectedRate(fps, indices), {}, {}, betas, {}};
     for (size_t i : indices) {
         CHECK(i < size(), "frame {} is one of the motion's {}", i, size());
         part.theta.push_back(theta[i]);
@@ -59,21 +59,37 @@ Motion Motion::subset(std::span<const size_t> indices) const {
     return part;
 }
 
-Motion readMotion(const fs::path& path) {
+namespace {
+
+// By the name's ending, or else by content; null where none knows it.
+const MotionFormat::Declaration* formatOf(const fs::path& path) {
     std::error_code error;
-    if (!fs::exists(path, error))
-        throwInput("{}: expected a motion: {}, found nothing", path.string(), knownFormats());
     std::string begin;
     if (!fs::is_directory(path, error)) {
         std::string ending = path.extension().string();
         std::transform(ending.begin(), ending.end(), ending.begin(),
                        [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
         for (const auto& format : formats())
-            if (!ending.empty() && ending == format.ending) return format.read(path);
+            if (!ending.empty() && ending == format.ending) return &format;
         begin = beginOf(path);
     }
     for (const auto& format : formats())
-        if (format.recognises(path, begin)) return format.read(path);
+        if (format.recognises(path, begin)) return &format;
+    return nullptr;
+}
+
+}  // namespace
+
+bool isMotion(const fs::path& path) {
+    std::error_code error;
+    return fs::exists(path, error) && formatOf(path) != nullptr;
+}
+
+Motion readMotion(const fs::path& path) {
+    std::error_code error;
+    if (!fs::exists(path, error))
+        throwInput("{}: expected a motion: {}, found nothing", path.string(), knownFormats());
+    if (const MotionFormat::Declaration* format = formatOf(path)) return format->read(path);
     throwInput("{}: expected a motion: {}, found another kind of file", path.string(),
                knownFormats());
 }

@@ -16,6 +16,8 @@ namespace doppel {
 struct Motion {
     std::filesystem::path source;
     std::string name;
+    // What its reader took the file to mean, where that may be taken otherwise; for people.
+    std::string note;
     double fps = 30;
     std::vector<Theta> theta;
     std::vector<Trans> trans;
@@ -28,8 +30,11 @@ struct Motion {
     Motion subset(std::span<const size_t> indices) const;
 };
 
-// Of whatever format: a capture's folder, a poses.npz, a .bvh.
+// Of whatever format: a capture's folder, a poses.npz, a .bvh, a glTF animation, other programs'
+// poses.
 Motion readMotion(const std::filesystem::path& path);
+// Whether a format knows the file or folder; what is wrong with it readMotion says.
+bool isMotion(const std::filesystem::path& path);
 
 // The motion seen by the cameras of a cameras.npz (one for all frames, or one per frame), into
 // whose space its poses are moved; they are taken to be in that file's world.

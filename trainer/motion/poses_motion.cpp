@@ -2,6 +2,7 @@
 #include <string>
 
 #include "trainer/data/capture_notes.h"
+#include "trainer/motion/estimates/estimate.h"
 #include "trainer/motion/motion.h"
 
 namespace doppel {
@@ -24,9 +25,11 @@ Motion readPosesMotion(const fs::path& path) {
 
 const MotionFormat kPoses{{
     .looks = "a poses.npz",
-    .ending = ".npz",
-    .recognises = [](const fs::path&,
-                     std::string_view begin) { return begin.starts_with("PK\x03\x04"); },
+    .recognises =
+        [](const fs::path& path, std::string_view begin) {
+            const bool is = begin.starts_with("PK\x03\x04") || path.extension() == ".npz";
+            return is && !begin.empty() && !areEstimates(path);
+        },
     .read = readPosesMotion,
 }};
 

@@ -6,7 +6,7 @@
 #include <span>
 #include <string>
 
-#include "engine/io/pickle_graph.h"
+#include "engine/io/pickles/pickle_graph.h"
 
 namespace doppel::pickle {
 

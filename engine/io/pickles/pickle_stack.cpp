@@ -1,5 +1,5 @@
 // Numbers and strings as Python writes them.
-#include "engine/io/pickle_stack.h"
+#include "engine/io/pickles/pickle_stack.h"
 
 namespace doppel::pickle {
 

@@ -9,7 +9,7 @@
 
 #include "engine/error.h"
 #include "engine/files/printable.h"
-#include "engine/io/pickle_graph.h"
+#include "engine/io/pickles/pickle_graph.h"
 
 namespace doppel::pickle {
 

@@ -1,5 +1,5 @@
 // The names that pickles of numbers use. Whatever is not here is refused: nothing in a file is run.
-#include "engine/io/pickle_graph.h"
+#include "engine/io/pickles/pickle_graph.h"
 
 namespace doppel::pickle {
 

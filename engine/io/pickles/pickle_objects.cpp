@@ -1,4 +1,4 @@
-#include "engine/io/pickle_objects.h"
+#include "engine/io/pickles/pickle_objects.h"
 
 namespace doppel::pickle {
 

@@ -2,7 +2,7 @@
 // and objects that are kept as their state. No name is ever called as code.
 #pragma once
 
-#include "engine/io/pickle_stack.h"
+#include "engine/io/pickles/pickle_stack.h"
 
 namespace doppel::pickle {
 

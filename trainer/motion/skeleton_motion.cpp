@@ -1,4 +1,5 @@
-// What a BVH file's skeleton is to SMPL's.
+#include "trainer/motion/skeleton_motion.h"
+
 #include <algorithm>
 #include <array>
 #include <cctype>
@@ -10,7 +11,6 @@
 #include "engine/error.h"
 #include "engine/files/printable.h"
 #include "nn/body/joint.h"
-#include "trainer/motion/bvh.h"
 
 namespace doppel {
 
@@ -47,7 +47,8 @@ Label labelOf(std::string_view name) {
     }
     std::erase_if(words, [](const std::string& word) {
         return word.starts_with("mixamorig") || word.starts_with("bip0") || word == "bip" ||
-               word == "def" || word == "jnt" || word == "bone" || word == "character1";
+               word == "def" || word == "j" || word == "jnt" || word == "bone" ||
+               word == "character1";
     });
     Label label;
     const auto sideOf = [](const std::string& word) -> char {
@@ -86,20 +87,20 @@ struct Mapping {
     std::vector<int> spine, neck;       // from the pelvis upwards
 };
 
-bool hangsOn(const Bvh& bvh, int joint, int root) {
-    while (joint > root) joint = bvh.joints[static_cast<size_t>(joint)].parent;
+bool hangsOn(const SkeletonMotion& source, int joint, int root) {
+    while (joint > root) joint = source.joints[static_cast<size_t>(joint)].parent;
     return joint == root;
 }
 
-int commonAncestor(const Bvh& bvh, int a, int b) {
-    while (a != b) (a > b ? a : b) = bvh.joints[static_cast<size_t>(std::max(a, b))].parent;
+int commonAncestor(const SkeletonMotion& source, int a, int b) {
+    while (a != b) (a > b ? a : b) = source.joints[static_cast<size_t>(std::max(a, b))].parent;
     return a;
 }
 
-Mapping findJoints(const Bvh& bvh) {
+Mapping findJoints(const SkeletonMotion& source) {
     std::vector<Label> labels;
-    for (const Bvh::Joint& joint : bvh.joints)
-        labels.push_back(joint.name == "End Site" ? Label{} : labelOf(joint.name));
+    for (const SkeletonMotion::Joint& joint : source.joints)
+        labels.push_back(joint.name.empty() ? Label{} : labelOf(joint.name));
     const auto find = [&](char side, std::initializer_list<std::string_view> bases) {
         for (const std::string_view base : bases)
             for (size_t j = 0; j < labels.size(); ++j)
@@ -155,19 +156,20 @@ Mapping findJoints(const Bvh& bvh) {
             missing += fmt::format("{}{}", missing.empty() ? "" : ", ", jointName(j));
     if (!missing.empty()) {
         std::string names;
-        for (size_t j = 0, count = 0; j < bvh.joints.size() && count < 12; ++j) {
-            if (bvh.joints[j].name == "End Site") continue;
-            names += fmt::format("{}{}", names.empty() ? "" : ", ", printable(bvh.joints[j].name));
+        for (size_t j = 0, count = 0; j < source.joints.size() && count < 12; ++j) {
+            if (source.joints[j].name.empty()) continue;
+            names +=
+                fmt::format("{}{}", names.empty() ? "" : ", ", printable(source.joints[j].name));
             ++count;
         }
         throwInput(
             "{}: expected a person's joints, with names such as LeftUpLeg, LeftLeg, LeftArm, "
             "LeftForeArm, found none for {} among {}…",
-            bvh.file, missing, names);
+            source.file, missing, names);
     }
     for (const auto& [end, root] : kLimbs) {
         if (of[end] == kNone ||
-            (of[root] != kNone && of[end] != of[root] && hangsOn(bvh, of[end], of[root])))
+            (of[root] != kNone && of[end] != of[root] && hangsOn(source, of[end], of[root])))
             continue;
         // Toes and hands can be done without.
         if (end == joint::kLeftFoot || end == joint::kRightFoot || end == joint::kLeftHand ||
@@ -175,31 +177,32 @@ Mapping findJoints(const Bvh& bvh) {
             of[end] = kNone;
             continue;
         }
-        throwInput("{}: expected {} (for {}) below {} (for {}), found it elsewhere", bvh.file,
-                   printable(bvh.joints[static_cast<size_t>(of[end])].name), jointName(end),
-                   printable(bvh.joints[static_cast<size_t>(of[root])].name), jointName(root));
+        throwInput("{}: expected {} (for {}) below {} (for {}), found it elsewhere", source.file,
+                   printable(source.joints[static_cast<size_t>(of[end])].name), jointName(end),
+                   printable(source.joints[static_cast<size_t>(of[root])].name), jointName(root));
     }
     for (const size_t right : {0u, 1u}) {
         int& collar = of[joint::kLeftCollar + right];
         const int shoulder = of[joint::kLeftShoulder + right];
-        if (collar != kNone && (collar == shoulder || !hangsOn(bvh, shoulder, collar)))
+        if (collar != kNone && (collar == shoulder || !hangsOn(source, shoulder, collar)))
             collar = kNone;
     }
 
-    const int legs = commonAncestor(bvh, of[joint::kLeftHip], of[joint::kRightHip]);
-    const int arms = commonAncestor(bvh, of[joint::kLeftShoulder], of[joint::kRightShoulder]);
+    const int legs = commonAncestor(source, of[joint::kLeftHip], of[joint::kRightHip]);
+    const int arms = commonAncestor(source, of[joint::kLeftShoulder], of[joint::kRightShoulder]);
     int pelvis = find(0, {"hips", "pelvis", "hip"});
-    if (pelvis == kNone || !hangsOn(bvh, legs, pelvis) || !hangsOn(bvh, arms, pelvis))
+    if (pelvis == kNone || !hangsOn(source, legs, pelvis) || !hangsOn(source, arms, pelvis))
         pelvis = legs;
-    if (!hangsOn(bvh, arms, pelvis)) pelvis = commonAncestor(bvh, legs, arms);
+    if (!hangsOn(source, arms, pelvis)) pelvis = commonAncestor(source, legs, arms);
     of[joint::kPelvis] = pelvis;
 
     // The spine is what lies between the pelvis and the neck, whatever it is called.
     int head = find(0, {"head"});
     int top = head != kNone ? head : find(0, {"neck"});
-    if (top == kNone || top == pelvis || !hangsOn(bvh, top, pelvis)) head = kNone, top = arms;
+    if (top == kNone || top == pelvis || !hangsOn(source, top, pelvis)) head = kNone, top = arms;
     std::vector<int> path;  // from top down to, but not, the pelvis
-    for (int j = top; j > pelvis; j = bvh.joints[static_cast<size_t>(j)].parent) path.push_back(j);
+    for (int j = top; j > pelvis; j = source.joints[static_cast<size_t>(j)].parent)
+        path.push_back(j);
     std::reverse(path.begin(), path.end());
     bool neck = false;
     for (const int j : path) {
@@ -244,7 +247,8 @@ glm::dquat turnBetween(const glm::dvec3& from, const glm::dvec3& to) {
 
 class Retarget {
 public:
-    explicit Retarget(const Bvh& bvh) : bvh_(bvh), map_(findJoints(bvh)), rest_(bvh.place(-1)) {
+    explicit Retarget(const SkeletonMotion& source)
+        : source_(source), map_(findJoints(source)), rest_(source.placed(-1)) {
         findScale();
         // Some programs' offsets lie along each bone's own axis: what they make is no person. Then
         // the frame in which the body is most stretched serves as the rest pose.
@@ -260,8 +264,26 @@ public:
         }
     }
 
+    // "arms down as the rest pose, 0.01 metres to the unit".
+    std::string note() const {
+        const auto along = [&](size_t shoulder, size_t elbow) {
+            const glm::dvec3 arm = restPlace(elbow) - restPlace(shoulder);
+            const glm::dvec3 up = frame_ * glm::dvec3(0, 1, 0);
+            return glm::dot(arm, up) / std::max(glm::length(arm), 1e-12);
+        };
+        const double slope = (along(joint::kLeftShoulder, joint::kLeftElbow) +
+                              along(joint::kRightShoulder, joint::kRightElbow)) /
+                             2;
+        const char* arms = slope < -.85 ? "arms down" : slope < -.3 ? "an A-pose" : "a T-pose";
+        return fmt::format("{} as the rest pose{}, {:.4g} metres to the unit", arms,
+                           restFrame_ < 0
+                               ? ""
+                               : fmt::format(" (frame {}, for the skeleton's is none)", restFrame_),
+                           scale_);
+    }
+
     void pose(int64_t frame, Theta& theta, Trans& trans) const {
-        const Bvh::Placement placed = bvh_.place(frame);
+        const SkeletonMotion::Placement placed = source_.placed(frame);
         std::array<glm::dquat, joint::kCount> global;
         for (size_t j = 0; j < joint::kCount; ++j) {
             if (j == joint::kSpine1 || j == joint::kSpine2 || j == joint::kSpine3) {
@@ -300,7 +322,7 @@ private:
     }
 
     // How a joint of the source has turned since the rest pose, in the world.
-    glm::dquat turned(const Bvh::Placement& placed, int joint) const {
+    glm::dquat turned(const SkeletonMotion::Placement& placed, int joint) const {
         const auto j = static_cast<size_t>(joint);
         return placed.rotation[j] * glm::conjugate(rest_.rotation[j]);
     }
@@ -317,7 +339,8 @@ private:
             add(joint::kLeftKnee, joint::kLeftAnkle);
         }
         if (!(theirs > 1e-9))
-            throwInput("{}: OFFSET: expected legs of some length, found none", bvh_.file);
+            throwInput("{}: {}: expected legs of some length, found none", source_.file,
+                       source_.rest);
         scale_ = ours / theirs;
     }
 
@@ -343,11 +366,11 @@ private:
 
     void takeStretchedFrame() {
         constexpr size_t kLookedAt = 500;
-        Bvh::Placement best;
+        SkeletonMotion::Placement best;
         double longest = 0;
-        const size_t step = (bvh_.frames + kLookedAt - 1) / kLookedAt;
-        for (size_t f = 0; f < bvh_.frames; f += step) {
-            rest_ = bvh_.place(static_cast<int64_t>(f));
+        const size_t step = (source_.frames + kLookedAt - 1) / kLookedAt;
+        for (size_t f = 0; f < source_.frames; f += step) {
+            rest_ = source_.placed(static_cast<int64_t>(f));
             if (!stands()) continue;
             double length = 0;
             const auto add = [&](size_t from, size_t to) {
@@ -360,13 +383,14 @@ private:
             }
             if (length <= longest * (1 + 1e-9)) continue;
             longest = length;
+            restFrame_ = static_cast<int64_t>(f);
             best = rest_;
         }
         if (longest == 0)
             throwInput(
-                "{}: OFFSET: expected a rest pose, or any frame, in which a person stands upright, "
+                "{}: {}: expected a rest pose, or any frame, in which a person stands upright, "
                 "found none",
-                bvh_.file);
+                source_.file, source_.rest);
         rest_ = std::move(best);
     }
 
@@ -424,14 +448,14 @@ private:
     // anything.
     glm::dvec3 ending(int joint) const {
         glm::dvec3 sum(0);
-        for (size_t j = 0; j < bvh_.joints.size(); ++j)
-            if (bvh_.joints[j].parent == joint && bvh_.joints[j].name != "End Site")
+        for (size_t j = 0; j < source_.joints.size(); ++j)
+            if (source_.joints[j].parent == joint && !source_.joints[j].name.empty())
                 sum += rest_.position[j] - rest_.position[static_cast<size_t>(joint)];
         return sum;
     }
 
     // The spine's turn from the world at a share of its way from the pelvis up.
-    glm::dquat spineAt(const Bvh::Placement& placed, double share) const {
+    glm::dquat spineAt(const SkeletonMotion::Placement& placed, double share) const {
         const auto at = [&](size_t i) {
             return turned(placed, i == 0 ? map_.of[joint::kPelvis] : map_.spine[i - 1]);
         };
@@ -443,15 +467,17 @@ private:
         return glm::slerp(at(below), at(below + 1), part);
     }
 
-    glm::dquat middleOf(const Bvh::Placement& placed, const std::vector<int>& joints) const {
+    glm::dquat middleOf(const SkeletonMotion::Placement& placed,
+                        const std::vector<int>& joints) const {
         const auto at = [&](size_t i) { return turned(placed, joints[i]); };
         const size_t half = (joints.size() - 1) / 2;
         return joints.size() % 2 ? at(half) : glm::slerp(at(half), at(half + 1), .5);
     }
 
-    const Bvh& bvh_;
+    const SkeletonMotion& source_;
     Mapping map_;
-    Bvh::Placement rest_;
+    SkeletonMotion::Placement rest_;
+    int64_t restFrame_ = -1;  // that stands in for the rest pose
     double scale_ = 1;
     glm::dquat frame_;
     // A joint's frame is the source's times this.
@@ -460,35 +486,34 @@ private:
 
 }  // namespace
 
-Motion motionFromBvh(const Bvh& bvh) {
-    const Retarget retarget(bvh);
+Motion motionFromSkeleton(const SkeletonMotion& source) {
+    const Retarget retarget(source);
     Motion motion;
-    motion.source = bvh.file;
+    motion.source = source.file;
     motion.name = motion.source.stem().string();
+    motion.note = retarget.note();
     // Files round: ".0333333" is thirty a second.
-    const double fps = 1 / bvh.frameTime, whole = std::round(fps);
+    const double fps = 1 / source.frameTime, whole = std::round(fps);
     motion.fps = std::abs(fps - whole) < 5e-4 * fps ? whole : fps;
-    motion.theta.resize(bvh.frames);
-    motion.trans.resize(bvh.frames);
-    for (size_t f = 0; f < bvh.frames; ++f)
+    motion.theta.resize(source.frames);
+    motion.trans.resize(source.frames);
+    for (size_t f = 0; f < source.frames; ++f)
         retarget.pose(static_cast<int64_t>(f), motion.theta[f], motion.trans[f]);
     return motion;
 }
 
-namespace {
-
-const MotionFormat kBvh{{
-    .looks = "a .bvh",
-    .ending = ".bvh",
-    .recognises =
-        [](const std::filesystem::path&, std::string_view begin) {
-            if (begin.starts_with("\xef\xbb\xbf")) begin.remove_prefix(3);
-            begin.remove_prefix(std::min(begin.find_first_not_of(" \t\r\n"), begin.size()));
-            return begin.starts_with("HIERARCHY");
-        },
-    .read = [](const std::filesystem::path& path) { return motionFromBvh(readBvh(path)); },
-}};
-
-}  // namespace
+std::array<glm::dvec3, joint::kCount> placeJoints(const Theta& theta, const Trans& trans) {
+    std::array<glm::dquat, joint::kCount> turn;
+    std::array<glm::dvec3, joint::kCount> place;
+    for (size_t j = 0; j < joint::kCount; ++j) {
+        turn[j] = jointRotation(theta, j);
+        place[j] = restOf(j) + glm::dvec3(trans[0], trans[1], trans[2]);
+        if (kParents[j] < 0) continue;
+        const auto parent = static_cast<size_t>(kParents[j]);
+        turn[j] = turn[parent] * turn[j];
+        place[j] = place[parent] + turn[parent] * (restOf(j) - restOf(parent));
+    }
+    return place;
+}
 
 }  // namespace doppel

@@ -1,6 +1,6 @@
-#include "engine/io/pickle_machine.h"
+#include "engine/io/pickles/pickle_machine.h"
 
-#include "engine/io/pickle_objects.h"
+#include "engine/io/pickles/pickle_objects.h"
 
 namespace doppel::pickle {
 
