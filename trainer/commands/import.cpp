@@ -122,6 +122,9 @@ void declareImportFlags(CommandFlags& flags, ImportOptions& o) {
                      "the largest")
         ->capture_default_str()
         ->check(CLI::Range(0, 100));
+    flags.path("--plate", o.settings.request.plate,
+               "Of a clip by a camera that stands still: a picture of the scene without the "
+               "person, for sharper masks");
     flags.body(o.body);
     flags->add_flag("!--no-overlays", o.settings.overlays, "Leave the overlay pictures out");
 }

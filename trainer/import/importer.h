@@ -23,6 +23,7 @@ struct ImportRequest {
     ClipOptions clip;  // frames and fps are those above
     PoseNet net = PoseNet::Heavy;
     int person = 0;                   // see PersonTracker
+    std::filesystem::path plate;      // a picture of the empty scene; empty: none
     Device* device = nullptr;         // that networks run on
     const BodyModel* body = nullptr;  // that is posed
     std::filesystem::path workspace;  // where frames (images/) and masks (masks/) go
