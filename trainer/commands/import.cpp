@@ -56,7 +56,8 @@ void runImport(const ImportOptions& options) {
         if (!result.poses.empty()) json["poses"] = result.poses;
         if (!result.posesFilled.empty()) json["poses_filled"] = result.posesFilled;
         json["fps"] = capture.fps;
-        for (const char* said : {"masks", "left_out", "ends", "cuts", "swaps", "heads", "camera"}) {
+        for (const char* said : {"masks", "left_out", "ends", "cuts", "swaps", "people", "hidden",
+                                 "cut_off", "heads", "quality", "camera"}) {
             if (const auto at = capture.source.find(said); at != capture.source.end())
                 json[said] = at->second;
         }
@@ -78,6 +79,10 @@ void printImport(const ImportOptions& options, const ImportResult& result) {
                                      {"cuts", "cuts at"},
                                      {"swaps", "swaps"},
                                      {"heads", "heads"},
+                                     {"people", "people"},
+                                     {"hidden", "hidden"},
+                                     {"cut_off", "cut off"},
+                                     {"quality", "quality"},
                                      {"camera", "camera"}}) {
         if (const auto at = capture.source.find(said); at != capture.source.end())
             std::cout << fmt::format("{}: {}\n", what, at->second);
@@ -149,6 +154,9 @@ void declareImportFlags(CommandFlags& flags, ImportOptions& o) {
     flags.path("--poses", o.settings.request.poses,
                "Poses of another program to take: 4D-Humans, WHAM, GVHMR, ROMP, VIBE, SPIN, "
                "EasyMocap, AMASS (docs/formats.md)");
+    flags.path("--plate", o.settings.request.plate,
+               "Of a clip by a camera that stands still: a picture of the scene without the "
+               "person, for sharper masks");
     flags.body(o.body);
     flags->add_flag("!--no-overlays", o.settings.overlays, "Leave the overlay pictures out");
 }

@@ -8,7 +8,10 @@
 #include "engine/io/image.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"
+#include "trainer/import/clip_cutter.h"
 #include "trainer/import/importer.h"
+#include "trainer/import/overlay.h"
+#include "trainer/import/quality.h"
 #include "trainer/person/body_start.h"
 #include "trainer/person/face.h"
 #include "trainer/person/mask.h"
@@ -58,6 +61,73 @@ void writeLandmarks(const fs::path& file, const Found& found) {
     writeNpz(file, arrays, false);
 }
 
+// The people of the first frame in their boxes, with the numbers that --person takes.
+void writePeople(const fs::path& file, const Image& picture, const PersonTracker& tracker) {
+    std::vector<Box> boxes;
+    for (const Roi& roi : tracker.people()) {
+        // About as wide as a person with arms that hang.
+        const double down = .45 * roi.side, across = .2 * roi.side;
+        boxes.push_back({roi.centre[0] - across, roi.centre[1] - down, roi.centre[0] + across,
+                         roi.centre[1] + down});
+    }
+    writeImage(file, numberedPicture(picture, boxes, tracker.followed()));
+}
+
+// The network's masks, in their squares, wait on disk until the whole clip was seen.
+void keepShare(const fs::path& file, const PersonLandmarks& person) {
+    Image share(kRoiMaskSide, kRoiMaskSide, 1);
+    for (size_t i = 0; i < share.data.size(); ++i)
+        share.data[i] = uint8_t(256 / (1 + std::exp(-std::clamp(person.mask[i], -5.5f, 5.5f))));
+    writeImage(file, share);
+}
+
+void takeShare(const fs::path& file, PersonLandmarks& person) {
+    const Image share = readImage(file, 1);
+    person.mask.resize(share.data.size());
+    for (size_t i = 0; i < share.data.size(); ++i) {
+        const double inside = (share.data[i] + .5) / 256;
+        person.mask[i] = float(std::log(inside / (1 - inside)));
+    }
+}
+
+constexpr size_t kSamples = 12;  // frames in which a screen is looked for
+
+// Masks of all frames, by what the whole clip has shown.
+void cutAll(const Capture& capture, Found& found, const fs::path& shares, ClipCutter& cutter,
+            ClipQuality& quality) {
+    const auto load = [&](size_t f) {
+        takeShare(shares / (capture.frames[f].name + ".png"), *found.track[f]);
+        ClipCutter::Sample sample{readImage(capture.frames[f].image), {}};
+        sample.share = personShare(*found.track[f], sample.rgb.width, sample.rgb.height);
+        found.track[f]->mask = {};
+        return sample;
+    };
+    const size_t count = capture.size(), some = std::min(count, kSamples);
+    std::vector<ClipCutter::Sample> samples;
+    for (size_t i = 0; i < some; ++i) samples.push_back(load(i * count / some));
+    cutter.finish(samples);
+    samples.clear();
+    FlickerMeter flicker;
+    Progress progress("cut the person out", int64_t(count));
+    for (size_t f = 0; f < count; ++f) {
+        if (interrupted()) throw Interrupted{};
+        const ClipCutter::Sample frame = load(f);
+        FrameCut cut = cutter.cut(frame.rgb, frame.share, found.track[f]->roi.side);
+        Image mask(frame.rgb.width, frame.rgb.height, 1);
+        FrameQuality& frameQuality = quality.frames[f];
+        frameQuality.agreement = cut.network;
+        frameQuality.doubtful = cut.doubtful;
+        if (std::ranges::count(found.beginnings, f) > 0 ||
+            (f > 0 && found.times[f] - found.times[f - 1] > kFlickerSeconds))
+            flicker.forget();
+        const auto ofLast = flicker.next(cut.mask);
+        if (f > 0) quality.frames[f - 1].flicker = ofLast;
+        mask.data = std::move(cut.mask);
+        writeImage(*capture.frames[f].mask, mask);
+        progress.update(int64_t(f) + 1);
+    }
+}
+
 Capture readClip(const ImportRequest& request) {
     CHECK(request.device && request.body && !request.workspace.empty(),
           "a clip is imported with a device, a body and a place for its frames");
@@ -71,11 +141,16 @@ Capture readClip(const ImportRequest& request) {
     Capture capture;
     createFolders(request.workspace / "images");
     createFolders(request.workspace / "masks");
+    const fs::path shares = request.workspace / "shares";
+    createFolders(shares);
+    ClipCutter cutter(request.plate);
     Clip clip(request.source, options);
     PersonTracker tracker(pose, request.person);
     FaceFinder faces(*request.device);
     const bool looksAtFaces = FaceFinder::isThere();
     Found found;
+    ClipQuality quality;
+    quality.seen = frames.size();
     size_t nobody = 0;
     bool cut = false;
     Image picture;
@@ -84,12 +159,22 @@ Capture readClip(const ImportRequest& request) {
         if (interrupted()) throw Interrupted{};
         progress.update(int64_t(i) + 1);
         cut = cut || frames[i].cut;
-        if (frames[i].fate != Fate::Kept) continue;
+        const auto leaveOut = [&](std::string why) {
+            quality.leftOut.push_back({int64_t(i), frames[i].time, std::move(why)});
+        };
+        if (frames[i].fate != Fate::Kept) {
+            if (const std::string why = whyLeftOut(frames[i]); !why.empty()) leaveOut(why);
+            continue;
+        }
         if (cut) tracker.forget();
         auto person = tracker.next(picture, frames[i].time);
         if (!person) {
             ++nobody;
+            leaveOut("without the person");
             continue;
+        }
+        if (found.track.empty() && tracker.people().size() > 1) {
+            writePeople(request.workspace / "people.jpg", picture, tracker);
         }
         if (cut) found.beginnings.push_back(found.track.size());
         cut = false;
@@ -99,14 +184,14 @@ Capture readClip(const ImportRequest& request) {
         frame.mask = request.workspace / "masks" / (frame.name + ".png");
         frame.camera = cameraOfAngle(picture.width, picture.height,
                                      request.fov > 0 ? request.fov : kGuessedAngle);
-        Image mask(picture.width, picture.height, 1);
-        mask.data = personMask(*person, picture);
+        quality.frames.push_back(qualityOf(frame.name, *person, picture.width, picture.height));
+        cutter.learn(picture, personShare(*person, picture.width, picture.height));
+        keepShare(shares / (frame.name + ".png"), *person);
         person->mask = {};
         std::optional<FaceMesh> face;
         if (looksAtFaces) face = faces(picture, *person);
         found.faces.push_back(face ? face->axes() : std::nullopt);
         writeImage(frame.image, picture);
-        writeImage(*frame.mask, mask);
         capture.frames.push_back(std::move(frame));
         found.track.push_back(std::move(person));
         found.times.push_back(frames[i].time);
@@ -122,6 +207,9 @@ Capture readClip(const ImportRequest& request) {
         looksAtFaces ? fmt::format("as the face looks in {} frames of {}, else by the ears",
                                    seenFaces, found.faces.size())
                      : "by the ears; scripts/setup --models fetches a network that sees faces";
+    cutAll(capture, found, shares, cutter, quality);
+    quality.masks = cutter.source();
+    fs::remove_all(shares);
     const size_t swaps = mendSwaps(found.track, found.beginnings);
     smoothBothWays(found.track, found.times, found.beginnings);
 
@@ -141,7 +229,8 @@ Capture readClip(const ImportRequest& request) {
     writeLandmarks(request.workspace / "landmarks.npz", found);
     capture.name = request.source.stem().string();
     capture.fps = keptRate(frames, options.fps);
-    capture.source["masks"] = fmt::format("found by blazepose {}", poseNetName(request.net));
+    capture.source["masks"] = fmt::format("found by blazepose {}, cut out by {}",
+                                          poseNetName(request.net), cutter.source());
     capture.source["poses"] = "a start from landmarks, for a fit to refine";
     capture.source["camera"] =
         request.fov > 0
@@ -154,6 +243,20 @@ Capture readClip(const ImportRequest& request) {
     if (const std::string ends = endsEarly(frames, clip.duration()); !ends.empty())
         capture.source["ends"] = ends;
     if (const std::string cuts = cutsOf(frames); !cuts.empty()) capture.source["cuts"] = cuts;
+    if (tracker.people().size() > 1) {
+        capture.source["people"] = fmt::format(
+            "{} in the first frame, of whom number {} is followed; people.jpg has the numbers "
+            "that --person takes",
+            tracker.people().size(), tracker.followed() + 1);
+    }
+    if (tracker.mistaken() > 0) {
+        capture.source["hidden"] = fmt::format(
+            "in {} frames somebody else was found, and they are left out", tracker.mistaken());
+    }
+    writeQuality(request.workspace / "quality.json", quality);
+    capture.source["quality"] = summary(quality);
+    if (const std::string lacks = cutOff(quality); !lacks.empty())
+        capture.source["cut_off"] = lacks;
     if (swaps > 0) capture.source["swaps"] = fmt::format("{} of left and right, mended", swaps);
     return capture;
 }
