@@ -9,195 +9,16 @@
 
 #include "engine/error.h"
 #include "engine/io/image.h"
-#include "tests/files.h"
-#include "tests/op_test.h"
-#include "tests/pickle_writer.h"
-#include "trainer/avatar/avatar.h"
-#include "trainer/data/body_render.h"
-#include "trainer/data/capture_writer.h"
-#include "trainer/import/given_poses.h"
-#include "trainer/import/import.h"
+#include "tests/estimate_scene.h"
 #include "trainer/motion/motion.h"
-#include "trainer/motion/session.h"
-#include "trainer/person/body_start.h"
 
 namespace doppel {
 namespace {
 
 namespace fs = std::filesystem;
-namespace py = test::py;
-using test::Folder;
-using test::messageOf;
-
-constexpr int kWidth = 240, kHeight = 180;  // of the clip
-constexpr size_t kFrames = 6;
-const glm::dvec3 kPelvis(kRestPelvis[0], kRestPelvis[1], kRestPelvis[2]);
-
-std::string stem(size_t f) { return fmt::format("{:06}", f); }
-
-// Somebody who walks across the picture, in the space of a camera.
-struct Truth {
-    Camera camera = cameraOfAngle(kWidth, kHeight, kGuessedAngle);
-    std::vector<Theta> theta;
-    std::vector<Trans> trans;
-    Truth() {
-        const auto session = actorSession(4, 8, 3.4f);
-        for (size_t f = 0; f < kFrames; ++f) {
-            const MotionFrame& frame = session[4 + f];
-            theta.push_back(frame.theta);
-            trans.push_back({-.5f + .2f * static_cast<float>(f), .25f, 3.6f});
-        }
-    }
-    glm::dvec3 pelvis(size_t f) const {
-        return kPelvis + glm::dvec3(trans[f][0], trans[f][1], trans[f][2]);
-    }
-    // As a program that sees the person on its optical axis has the first joint.
-    Theta seenOnAxis(size_t f) const {
-        Theta seen = theta[f];
-        const glm::dvec3 ray = glm::normalize(pelvis(f)), axis(0, 0, 1);
-        const glm::dvec3 about = glm::cross(axis, ray);
-        const glm::dquat turn = glm::normalize(glm::dquat(1 + ray.z, about.x, about.y, about.z));
-        setJointRotation(seen, 0, glm::conjugate(turn) * jointRotation(seen, 0));
-        return seen;
-    }
-    // Where the pelvis is in the picture, and how many pixels a metre has there.
-    std::array<double, 3> sight(size_t f) const {
-        const glm::dvec3 p = pelvis(f);
-        const auto [u, v] = camera.project({p.x, p.y, p.z});
-        return {u, v, camera.fx / p.z};
-    }
-};
-
-std::vector<double> numbers(const auto& values) { return {values.begin(), values.end()}; }
-void add(std::vector<double>& to, const auto& values) {
-    to.insert(to.end(), values.begin(), values.end());
-}
-std::vector<double> matrices(const Theta& theta, size_t first, size_t count) {
-    std::vector<double> all;
-    for (size_t j = first; j < first + count; ++j) {
-        const glm::dmat3 m = glm::mat3_cast(jointRotation(theta, j));
-        for (int row = 0; row < 3; ++row)
-            for (int column = 0; column < 3; ++column) all.push_back(m[column][row]);
-    }
-    return all;
-}
-
-void write(const Folder& folder, const char* name, const py::Value& value) {
-    folder.write(name, py::pickle(value));
-}
-
-// ---- a capture with masks of the truth ----------------------------------------------------------
-
-class Scene {
-public:
-    explicit Scene(const fs::path& folder, const Truth& truth = {}, size_t every = 1)
-        : body_(bodyFromNpz(readBodyArrays("default"))),
-          poser_(testDevice(), body_),
-          drawer_(testDevice(), body_) {
-        CaptureWriter writer(folder);
-        for (size_t f = 0; f < kFrames; f += every) {
-            Frame frame;
-            frame.name = stem(f);
-            frame.camera = truth.camera;
-            const auto mask = draw_(truth.camera, truth.theta[f], truth.trans[f], {}).mask;
-            writer.addImage(frame.name, kWidth, kHeight,
-                            std::vector<uint8_t>(size_t(3 * kWidth * kHeight), 90));
-            writer.addMask(frame.name, kWidth, kHeight, mask);
-            capture.frames.push_back(frame);
-            Theta upright{};
-            upright[0] = 3.14159f;
-            capture.theta.push_back(upright);
-            capture.trans.push_back({0, 0, 2});
-        }
-        capture.source["camera"] = "guessed";
-        capture = writer.commit(capture);
-    }
-    GivenPoses take(const fs::path& poses, const fs::path& source = "clip.mp4",
-                    const fs::path& workspace = {}) {
-        return takeGivenPoses(capture, {poses, source, workspace}, draw_);
-    }
-    double overlap(size_t frame) {
-        FrameCache cache(capture);
-        return intersection(cache.load(frame)->mask,
-                            draw_(capture.frames[frame].camera, capture.theta[frame],
-                                  capture.trans[frame], capture.betas)
-                                .mask);
-    }
-
-    Capture capture;
-
-private:
-    static double intersection(const std::vector<uint8_t>& a, const std::vector<uint8_t>& b) {
-        double both = 0, any = 0;
-        for (size_t i = 0; i < a.size(); ++i) both += a[i] && b[i], any += a[i] || b[i];
-        return both / any;
-    }
-    BodyModel body_;
-    BodyPoser poser_;
-    MeshDrawer drawer_;
-    DrawBody draw_ = [this](const Camera& camera, const Theta& theta, const Trans& trans,
-                            const Betas& betas) {
-        return BodyPicture{drawer_.mask(poser_.pose(theta, trans, betas).verts, camera), {}};
-    };
-};
-
-double degreesApart(const Theta& a, const Theta& b) {
-    double worst = 0;
-    for (size_t j = 0; j < 22; ++j)
-        worst = std::max(worst, glm::length(axisAngleOf(jointRotation(a, j) *
-                                                        glm::conjugate(jointRotation(b, j)))));
-    return worst * 180 / 3.14159265358979;
-}
-
-// The poses of the frames are the truth's. metres: a tolerance, wider where our body is moved to
-// fill the mask as high, which is measured in whole pixels.
-void expectTruth(Scene& scene, const Truth& truth, double metres = .06, size_t every = 1) {
-    ASSERT_EQ(scene.capture.size(), (kFrames + every - 1) / every);
-    for (size_t i = 0; i < scene.capture.size(); ++i) {
-        const size_t f = i * every;
-        SCOPED_TRACE(f);
-        EXPECT_LT(degreesApart(scene.capture.theta[i], truth.theta[f]), .1);
-        for (size_t c = 0; c < 3; ++c)
-            EXPECT_NEAR(scene.capture.trans[i][c], truth.trans[f][c], metres) << c;
-        EXPECT_NEAR(scene.capture.frames[i].camera.fx, truth.camera.fx, 1e-6 * truth.camera.fx);
-        EXPECT_GT(scene.overlap(i), .94);
-    }
-}
+using namespace test;
 
 // ---- files --------------------------------------------------------------------------------------
-
-struct Person {
-    std::vector<size_t> frames;
-    double across = 0;  // pixels to the right of the truth
-};
-const Person kTruth{{0, 1, 2, 3, 4, 5}};
-
-// One person of VIBE: the square is enlarged behind the tracker's back.
-py::Value vibePerson(const Truth& truth, const Person& person, double enlarged = 1) {
-    std::vector<double> pose, cam, boxes, ids;
-    for (const size_t f : person.frames) {
-        const auto [u, v, pixels] = truth.sight(f);
-        const double side = 130 + 3 * static_cast<double>(f), half = enlarged * side / 2;
-        const double x = u + person.across + 4, y = v - 6;  // of the box
-        add(pose, truth.seenOnAxis(f));
-        add(cam, std::vector<double>{pixels / half, (u + person.across - x) / pixels - kPelvis.x,
-                                     (v - y) / pixels - kPelvis.y});
-        add(boxes, std::vector<double>{x, y, side, side});
-        ids.push_back(static_cast<double>(f));
-    }
-    const auto count = static_cast<int64_t>(person.frames.size());
-    std::vector<py::Value> idList;
-    for (const double id : ids) idList.push_back(py::integer(static_cast<int64_t>(id)));
-    return py::dict({{py::text("pred_cam"), py::joblibArray({count, 3}, cam)},
-                     {py::text("verts"),
-                      py::joblibArray({count, 2, 3}, std::vector<double>(size_t(6 * count)))},
-                     {py::text("pose"), py::joblibArray({count, 72}, pose)},
-                     {py::text("betas"),
-                      py::joblibArray({count, 10}, std::vector<double>(size_t(10 * count), .5))},
-                     {py::text("joints2d"), py::none()},
-                     {py::text("bboxes"), py::joblibArray({count, 4}, boxes)},
-                     {py::text("frame_ids"), py::list(idList)}});
-}
 
 TEST(Estimates, Vibe) {
     Folder folder;
@@ -222,54 +43,6 @@ TEST(Estimates, Vibe) {
     expectTruth(scene, truth);
     ASSERT_TRUE(scene.capture.sourceBetas);
     EXPECT_EQ((*scene.capture.sourceBetas)[4], .5f);
-}
-
-TEST(Estimates, TheMaskTellsWhoItIs) {
-    Folder folder;
-    const Truth truth;
-    // Followed by two tracks one after the other, with somebody else beside all the time.
-    write(folder, "vibe_output.pkl",
-          py::dict({{py::integer(7), vibePerson(truth, {{0, 1, 2, 3, 4, 5}, -90})},
-                    {py::integer(8), vibePerson(truth, {{0, 1, 2}})},
-                    {py::integer(9), vibePerson(truth, {{3, 4, 5}})}}));
-    Scene scene(folder / "capture");
-    EXPECT_EQ(scene.take(folder / "vibe_output.pkl").told,
-              "VIBE, person 8 and 9 of 3 people, boxes as they are");
-    expectTruth(scene, truth);
-}
-
-TEST(Estimates, GapsAreFilledOrLeftOut) {
-    Folder folder;
-    const Truth truth;
-    write(folder, "vibe_output.pkl",
-          py::dict({{py::integer(1), vibePerson(truth, {{0, 1, 3, 4}})}}));
-    Scene scene(folder / "capture");
-    const GivenPoses given = scene.take(folder / "vibe_output.pkl");
-    EXPECT_EQ(given.filled, "1 between their neighbours, frames left out, which have none: 1");
-    ASSERT_EQ(scene.capture.size(), 5u);
-    EXPECT_EQ(scene.capture.frames[4].name, "000004");
-    EXPECT_LT(degreesApart(scene.capture.theta[2], truth.theta[2]), 15);
-    EXPECT_NEAR(scene.capture.trans[2][0], truth.trans[2][0], .03);
-    // What belongs to frames that are left out is gone from where the capture is made.
-    {
-        Scene made(folder / "made");
-        const fs::path place = folder / "made";
-        std::vector<float> presence{0, 1, 2, 3, 4, 5};
-        Npz landmarks;
-        landmarks.set("presence", Array::f32({6}, presence));
-        writeNpz(place / "landmarks.npz", landmarks, false);
-        made.take(folder / "vibe_output.pkl", "clip.mp4", place);
-        EXPECT_TRUE(fs::exists(place / "images/000004.png"));
-        EXPECT_FALSE(fs::exists(place / "images/000005.png"));
-        EXPECT_FALSE(fs::exists(place / "masks/000005.png"));
-        EXPECT_EQ(readNpz(place / "landmarks.npz").at("presence").toF32(),
-                  (std::vector<float>{0, 1, 2, 3, 4}));
-    }
-    // A clip of which each second picture was taken.
-    Scene half(folder / "half", truth, 2);
-    EXPECT_EQ(half.take(folder / "vibe_output.pkl").filled, "1 between their neighbours");
-    EXPECT_EQ(half.capture.size(), 3u);
-    EXPECT_NEAR(half.capture.trans[2][0], truth.trans[4][0], .03);
 }
 
 TEST(Estimates, Wham) {
@@ -580,75 +353,6 @@ TEST(Estimates, EasyMocap) {
               std::string::npos);
 }
 
-// A folder of pictures whose names the poses know, and pickles of one picture each.
-TEST(Estimates, NamesOfPictures) {
-    Folder folder;
-    const Truth truth;
-    fs::create_directories(folder / "poses");
-    fs::create_directories(folder / "clip");
-    for (size_t f = 0; f < kFrames; ++f) {
-        const std::string name = fmt::format("shot{}", 10 * f);
-        writeImage(folder / ("clip/" + name + ".png"), Image(kWidth, kHeight, 3));
-        folder.write(
-            "poses/" + name + ".jpg_body.pkl",
-            py::pickle(py::dict({{py::text("pose"), py::array({72}, numbers(truth.theta[f]))},
-                                 {py::text("trans"), py::array({3}, numbers(truth.trans[f]))},
-                                 {py::text("betas"), py::array({10}, std::vector<double>(10, 2))},
-                                 {py::text("f"), py::real(truth.camera.fx)}})));
-    }
-    fs::remove(folder / "poses/shot20.jpg_body.pkl");
-    Scene scene(folder / "capture");
-    const GivenPoses given = scene.take(folder / "poses", folder / "clip");
-    EXPECT_EQ(given.told, "SPIN");
-    EXPECT_EQ(given.filled, "1 between their neighbours");
-    for (const size_t f : {0, 1, 3, 4, 5})
-        EXPECT_LT(degreesApart(scene.capture.theta[f], truth.theta[f]), .1) << f;
-}
-
-// Pictures that were scaled on the way in: boxes are in those of the file.
-TEST(Estimates, BoxesAreInTheSourcesPixels) {
-    Folder folder;
-    Truth large;
-    const Truth truth;
-    fs::create_directories(folder / "clip");
-    for (size_t f = 0; f < kFrames; ++f)
-        writeImage(folder / ("clip/" + stem(f) + ".png"), Image(2 * kWidth, 2 * kHeight, 3));
-    large.camera = cameraOfAngle(2 * kWidth, 2 * kHeight, kGuessedAngle);
-    write(folder, "vibe_output.pkl", py::dict({{py::integer(1), vibePerson(large, kTruth)}}));
-    Scene scene(folder / "capture");
-    scene.take(folder / "vibe_output.pkl", folder / "clip");
-    expectTruth(scene, truth);
-    EXPECT_EQ(scene.capture.frames[0].camera.width, kWidth);
-}
-
-TEST(Estimates, RefusesWhatDoesNotFit) {
-    Folder folder;
-    Truth truth;
-    // Upside down in the wrong place: poses of another clip.
-    Truth other;
-    for (size_t f = 0; f < kFrames; ++f) other.trans[f] = {-.1f, -1.2f, 7};
-    write(folder, "other.pkl", py::dict({{py::integer(1), vibePerson(other, kTruth)}}));
-    Scene scene(folder / "capture");
-    const std::string message = messageOf<InputError>([&] { scene.take(folder / "other.pkl"); });
-    EXPECT_NE(
-        message.find("other.pkl: expected poses of the person in the masks, found an overlap"),
-        std::string::npos)
-        << message;
-    // Of pictures that the capture does not have.
-    const auto late = [&](int64_t number) {
-        const auto one = vibePerson(truth, {{0}});
-        std::string bytes = one;
-        const std::string id = py::list({py::integer(0)}), then = py::list({py::integer(number)});
-        bytes.replace(bytes.rfind(id), id.size(), then);
-        return py::dict({{py::integer(1), bytes}});
-    };
-    write(folder, "late.pkl", late(900));
-    EXPECT_NE(messageOf<InputError>([&] { scene.take(folder / "late.pkl"); })
-                  .find("late.pkl: expected poses of the capture's frames, found poses of other "
-                        "pictures: 6 frames from 0 on, poses from picture 900 on"),
-              std::string::npos);
-}
-
 TEST(Estimates, RefusesDamagedFiles) {
     Folder folder;
     const Truth truth;
@@ -695,37 +399,6 @@ TEST(Estimates, RefusesDamagedFiles) {
     const std::string whole = test::bytesOf(folder / "a.pkl");
     folder.write("cut.pkl", whole.substr(0, whole.size() / 2));
     expect("cut.pkl", "cut.pkl");
-}
-
-// Real outputs of SPIN, where they are: what the layout's importer makes of the same files.
-TEST(Estimates, RealPosesOfSpin) {
-    const fs::path views = fs::path(DOPPEL_SOURCE_DIR) / "../shared/data/retargeting/8-views";
-    if (!fs::exists(views)) GTEST_SKIP() << "no dataset in ../shared/data";
-    Folder folder;
-    const BodyModel body = bodyFromNpz(readBodyArrays("default"));
-    BodyPoser poser(testDevice(), body);
-    MeshDrawer drawer(testDevice(), body);
-    const DrawBody draw = [&](const Camera& camera, const Theta& theta, const Trans& trans,
-                              const Betas& betas) {
-        return BodyPicture{drawer.mask(poser.pose(theta, trans, betas).verts, camera), {}};
-    };
-    ImportSettings settings;
-    settings.request.source = views;
-    settings.overlays = false;
-    settings.out = folder / "plain";
-    const ImportResult plain = importCapture(settings, draw);
-    settings.out = folder / "given";
-    settings.request.poses = views / "smpl_pose";
-    const ImportResult given = importCapture(settings, draw);
-    EXPECT_EQ(given.poses, "SPIN");
-    ASSERT_EQ(given.capture.size(), plain.capture.size());
-    ASSERT_EQ(given.iou.size(), plain.capture.size());
-    for (size_t f = 0; f < given.capture.size(); ++f) {
-        EXPECT_LT(degreesApart(given.capture.theta[f], plain.capture.theta[f]), .01);
-        EXPECT_EQ(given.capture.frames[f].camera, plain.capture.frames[f].camera);
-    }
-    EXPECT_GE(given.meanIou, plain.meanIou);
-    EXPECT_GT(given.meanIou, .69);
 }
 
 }  // namespace
