@@ -173,6 +173,10 @@ TEST(CommandLine, FillsOptions) {
     EXPECT_EQ(run({"demo"}).demo.actor, "woman");
     for (const std::string& actor : actorNames(assetFolder() / "actor"))
         EXPECT_EQ(run({"demo", "--actor", actor}).demo.actor, actor);
+    EXPECT_EQ(run({"demo"}).demo.clip, 0);
+    EXPECT_EQ(run({"demo", "--clip", "2.5", "--still-camera"}).demo.clip, 2.5);
+    EXPECT_EQ(run({"demo", "--clip", "-1"}).status, 2);
+    EXPECT_EQ(run({"check", "capture", "truth"}).called, "check");
     EXPECT_NE(run({"demo", "--actor", "nobody"}).err.find("nobody not in {"), std::string::npos);
     EXPECT_EQ(run({"render", "a", "--motion", "m", "--out", "x.mp4", "--background", "#00ff7F"})
                   .render.background,
@@ -396,8 +400,8 @@ TEST(CommandLine, ExitStatusSaysWhoseFaultItIs) {
 TEST(CommandLine, HelpShowsAnExample) {
     const Outcome all = run({"--help"});
     EXPECT_EQ(all.status, 0);
-    for (const char* command : {"devices", "import", "fit", "train", "render", "eval", "ablate",
-                                "export", "demo", "bench"}) {
+    for (const char* command : {"devices", "import", "fit", "check", "train", "render", "eval",
+                                "ablate", "export", "demo", "bench"}) {
         EXPECT_NE(all.out.find(command), std::string::npos) << command;
         const Outcome one = run({command, "--help"});
         EXPECT_EQ(one.status, 0);

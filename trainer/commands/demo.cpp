@@ -1,7 +1,9 @@
 // The whole job on a person who comes with the program: capture, fit, train, render, export, eval.
 #include "trainer/commands/demo.h"
 
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <fstream>
 #include <iostream>
 #include <nlohmann/json.hpp>
@@ -17,6 +19,7 @@
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"
 #include "trainer/eval/evaluate.h"
+#include "trainer/motion/hand_held.h"
 #include "trainer/motion/synthetic.h"
 #include "trainer/stages/surface.h"
 #include "trainer/stages/train.h"
@@ -59,9 +62,39 @@ void writeContactSheet(Device& device, const Avatar& avatar, const Capture& asGi
     writeImage(path, contactSheet(rows));
 }
 
+void filmDemo(const DemoOptions& options) {
+    catchInterrupts();
+    claimFiles(options.out, "demo", {"clip.mp4", "truth"});
+    const FolderLock lock(options.out);
+    Device device(options.common.deviceOptions());
+    const Actor actor = readActor(assetFolder() / "actor", options.actor);
+    HandHeldOptions film;
+    film.seed = options.common.seed;
+    film.still = options.still;
+    const int frames = std::max(1, static_cast<int>(std::lround(options.clip * film.fps)));
+    const Performer performer{&actor, oneTake(frames, kTakeDistance)};
+    filmHandHeld(device, {&performer, 1}, options.out / "clip.mp4", options.out / "truth", film);
+    if (options.common.json) {
+        printJson(nlohmann::ordered_json{{"clip", (options.out / "clip.mp4").string()},
+                                         {"truth", (options.out / "truth").string()},
+                                         {"frames", frames},
+                                         {"longer_side_degrees", film.longerSideDegrees}});
+        return;
+    }
+    fmt::print(
+        "in {}: clip.mp4, {} frames of {}, {}×{}, {:.0f} degrees along the longer side; "
+        "truth/\n",
+        options.out.string(), frames, options.actor, film.width, film.height,
+        film.longerSideDegrees);
+}
+
 }  // namespace
 
 void runDemo(const DemoOptions& options) {
+    if (options.clip > 0) {
+        filmDemo(options);
+        return;
+    }
     auto start = std::chrono::steady_clock::now();
     auto seconds = [&] {
         return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -193,6 +226,13 @@ void declareFlags(CommandFlags& flags, DemoOptions& o) {
     flags->add_option("--actor", o.actor, "Who is recorded")
         ->check(CLI::IsMember(actorNames(assetFolder() / "actor")))
         ->capture_default_str();
+    flags
+        ->add_option("--clip", o.clip,
+                     "Film the actor for so many seconds with a camera in a hand, into clip.mp4, "
+                     "with poses and masks in truth/, and stop there")
+        ->type_name("SECONDS")
+        ->check(CLI::Range(.05, 600.));
+    flags->add_flag("--still-camera", o.still, "Of --clip: the camera stands still");
     flags.preset("ci");
 }
 

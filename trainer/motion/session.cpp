@@ -101,6 +101,35 @@ std::vector<MotionFrame> actorSession(int turnFrames, int motionFrames, float di
     return frames;
 }
 
+std::vector<MotionFrame> oneTake(int frames, float distance) {
+    std::vector<MotionFrame> result;
+    // From 0 to 1 between two moments, without a jerk.
+    auto eased = [](float t, float begin, float end) {
+        const float x = std::clamp((t - begin) / (end - begin), 0.0f, 1.0f);
+        return x * x * (3 - 2 * x);
+    };
+    for (int i = 0; i < frames; ++i) {
+        const float t = static_cast<float>(i) / static_cast<float>(std::max(frames - 1, 1));
+        const float turned = eased(t, 0.04f, 0.62f);
+        PoseBuilder pose("take", 2 * kPi * turned, distance);
+        // Eight steps, as long as the body turns.
+        const float stepping = std::min(eased(t, 0.04f, 0.1f), 1 - eased(t, 0.56f, 0.62f));
+        const float step = stepping * std::sin(2 * kPi * 4 * (t - 0.04f) / 0.58f);
+        pose.leg(true, 0.1f + 0.3f * std::max(0.0f, step), 0.1f + 0.6f * std::max(0.0f, step));
+        pose.leg(false, 0.1f + 0.3f * std::max(0.0f, -step), 0.1f + 0.6f * std::max(0.0f, -step));
+        const float up = eased(t, 0.62f, 0.7f) - eased(t, 0.74f, 0.82f);
+        const float down = eased(t, 0.82f, 0.9f) - eased(t, 0.93f, 1.0f);
+        pose.arms(0.75f - 1.4f * up + 0.3f * down, 0.75f - 1.2f * up + 0.3f * down);
+        pose.elbows(0.2f + 0.7f * up + 0.2f * step, 0.25f + 0.3f * up - 0.2f * step);
+        pose.bend(0.7f * down);
+        pose.leg(true, 0.6f * down, 0.9f * down);
+        pose.leg(false, 0.6f * down, 0.9f * down);
+        pose.turn(joint::kHead, {0.1f * std::sin(9 * t), 0.25f * std::sin(2 * kPi * 3 * t), 0});
+        result.push_back(pose.frame);
+    }
+    return result;
+}
+
 std::vector<MotionFrame> greeting(int frames, float distance) {
     std::vector<MotionFrame> result;
     for (int i = 0; i < frames; ++i) {

@@ -20,6 +20,10 @@ struct MotionFrame {
 // each seen from several sides. turnFrames + 3 * motionFrames frames, at `distance` metres.
 std::vector<MotionFrame> actorSession(int turnFrames, int motionFrames, float distance);
 
+// One take without a cut, as a person would be asked for before a phone: stepping round in a full
+// turn with the arms away from the body, then raising the arms, then bending down.
+std::vector<MotionFrame> oneTake(int frames, float distance);
+
 // A wave and a bow that the session does not contain, for reenactment.
 std::vector<MotionFrame> greeting(int frames, float distance);
 

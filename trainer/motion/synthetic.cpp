@@ -10,21 +10,15 @@
 #include "engine/io/image.h"
 #include "trainer/data/body_render.h"
 #include "trainer/data/capture_writer.h"
+#include "trainer/data/random.h"
 
 namespace doppel {
 
 namespace {
 
-// Uniform in [0,1), the same on every machine for the same seed and number.
-double uniform(uint64_t seed, uint64_t number) {
-    uint64_t x = seed * 0x9e3779b97f4a7c15u + number * 0xbf58476d1ce4e5b9u;
-    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;  // SplitMix64's finaliser
-    x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
-    return static_cast<double>((x ^ (x >> 31)) >> 11) * 0x1p-53;
-}
-
 glm::dvec3 randomDirection(uint64_t seed, uint64_t number) {
-    double z = 2 * uniform(seed, 2 * number) - 1, phi = 6.283185307 * uniform(seed, 2 * number + 1);
+    double z = 2 * uniformOf(seed, 2 * number) - 1,
+           phi = 6.283185307 * uniformOf(seed, 2 * number + 1);
     double r = std::sqrt(1 - z * z);
     return {r * std::cos(phi), r * std::sin(phi), z};
 }
