@@ -11,6 +11,7 @@
 #include "tests/files.h"
 #include "trainer/eval/metrics.h"
 #include "trainer/import/chroma_key.h"
+#include "trainer/person/mask_tools.h"
 #include "trainer/import/import.h"
 #include "trainer/import/overlay.h"
 

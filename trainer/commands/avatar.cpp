@@ -33,11 +33,12 @@ std::string requestOf(const ImportOptions& options) {
     std::error_code ignored;
     return fmt::format(
         "source = {}\nbytes = {}\nkey = {}\nfps = {}\nframes = {}\nfrom = {}\nto = {}\nevery = {}\n"
-        "rows = {}\nkeep_similar = {}\npose = {}\nperson = {}\nfov = {}\nheight = {}\nbody = {}\n",
+        "rows = {}\nkeep_similar = {}\npose = {}\nperson = {}\nfov = {}\nheight = {}\nbody = {}\n"
+        "plate = {}\n",
         fs::absolute(r.source).lexically_normal().string(),
         fs::is_regular_file(r.source, ignored) ? fs::file_size(r.source, ignored) : 0, r.key, r.fps,
         r.frames, clip.from, clip.to, clip.every, clip.rows, clip.keepSimilar, options.net,
-        r.person, r.fov, r.height, options.body);
+        r.person, r.fov, r.height, options.body, r.plate.string());
 }
 
 std::string contentOf(const fs::path& path) {

@@ -133,6 +133,9 @@ void declareImportFlags(CommandFlags& flags, ImportOptions& o) {
         ->add_option("--height", o.settings.request.height,
                      "Of a clip: the person's height in metres, barefoot")
         ->check(CLI::Range(.5, 2.5));
+    flags.path("--plate", o.settings.request.plate,
+               "Of a clip by a camera that stands still: a picture of the scene without the "
+               "person, for sharper masks");
     flags.body(o.body);
     flags->add_flag("!--no-overlays", o.settings.overlays, "Leave the overlay pictures out");
 }

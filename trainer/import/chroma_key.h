@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -42,6 +43,10 @@ private:
     std::array<int, 3> colour_{};
 };
 
+// "green" or "blue", where pictures of one size are before such a screen for certain: it makes up
+// half of what is along their borders. Empty: they are not.
+std::string screenOf(std::span<const std::shared_ptr<const Picture>> pictures);
+
 // Learns what the person's colours are and what those of other objects (all that the screen does
 // not explain far from the body), and decides between them near the body.
 class PersonKey {
@@ -60,19 +65,5 @@ private:
     // Log of how much likelier a colour is the person's than another object's; empty: no objects.
     std::vector<float> favour_;
 };
-
-// ---- mask tools ---------------------------------------------------------------------------------
-
-// Distance in pixels from each pixel's centre to the nearest one inside (> 0) the mask; 0 inside;
-// 1e9 everywhere where the mask is empty.
-std::vector<float> distanceTo(std::span<const uint8_t> mask, int width, int height);
-
-// Connected parts (4 neighbours) of the pixels for which mask is `inside`: their numbers from 0, or
-// −1, and their sizes.
-struct Parts {
-    std::vector<int32_t> part;
-    std::vector<size_t> sizes;
-};
-Parts connectedParts(std::span<const uint8_t> mask, bool inside, int width, int height);
 
 }  // namespace doppel

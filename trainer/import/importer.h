@@ -25,6 +25,7 @@ struct ImportRequest {
     int person = 0;                   // see PersonTracker
     double fov = 0;                   // degrees that the longer side sees; 0: kGuessedAngle
     double height = 0;                // of the person, metres; 0: not known
+    std::filesystem::path plate;      // a picture of the empty scene; empty: none
     Device* device = nullptr;         // that networks run on
     const BodyModel* body = nullptr;  // that is posed
     std::filesystem::path workspace;  // where frames (images/) and masks (masks/) go

@@ -1,12 +1,14 @@
 // Videos, and folders of pictures: frames that are worth keeping, and in them a person found by
 // BlazePose, with a mask, keypoints, and a pose to start a fit from.
 // landmarks.npz keeps what was seen; docs/formats.md has its arrays.
+#include <algorithm>
 #include <cmath>
 
 #include "engine/error.h"
 #include "engine/io/image.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"
+#include "trainer/import/clip_cutter.h"
 #include "trainer/import/importer.h"
 #include "trainer/person/body_start.h"
 #include "trainer/person/mask.h"
@@ -55,6 +57,51 @@ void writeLandmarks(const fs::path& file, const Found& found) {
     writeNpz(file, arrays, false);
 }
 
+// The network's masks, in their squares, wait on disk until the whole clip was seen.
+void keepShare(const fs::path& file, const PersonLandmarks& person) {
+    Image share(kRoiMaskSide, kRoiMaskSide, 1);
+    for (size_t i = 0; i < share.data.size(); ++i)
+        share.data[i] = uint8_t(256 / (1 + std::exp(-std::clamp(person.mask[i], -5.5f, 5.5f))));
+    writeImage(file, share);
+}
+
+void takeShare(const fs::path& file, PersonLandmarks& person) {
+    const Image share = readImage(file, 1);
+    person.mask.resize(share.data.size());
+    for (size_t i = 0; i < share.data.size(); ++i) {
+        const double inside = (share.data[i] + .5) / 256;
+        person.mask[i] = float(std::log(inside / (1 - inside)));
+    }
+}
+
+constexpr size_t kSamples = 12;  // frames in which a screen is looked for
+
+// Masks of all frames, by what the whole clip has shown.
+void cutAll(const Capture& capture, Found& found, const fs::path& shares, ClipCutter& cutter) {
+    const auto load = [&](size_t f) {
+        takeShare(shares / (capture.frames[f].name + ".png"), *found.track[f]);
+        ClipCutter::Sample sample{readImage(capture.frames[f].image), {}};
+        sample.share = personShare(*found.track[f], sample.rgb.width, sample.rgb.height);
+        found.track[f]->mask = {};
+        return sample;
+    };
+    const size_t count = capture.size(), some = std::min(count, kSamples);
+    std::vector<ClipCutter::Sample> samples;
+    for (size_t i = 0; i < some; ++i) samples.push_back(load(i * count / some));
+    cutter.finish(samples);
+    samples.clear();
+    Progress progress("cut the person out", int64_t(count));
+    for (size_t f = 0; f < count; ++f) {
+        if (interrupted()) throw Interrupted{};
+        const ClipCutter::Sample frame = load(f);
+        FrameCut cut = cutter.cut(frame.rgb, frame.share, found.track[f]->roi.side);
+        Image mask(frame.rgb.width, frame.rgb.height, 1);
+        mask.data = std::move(cut.mask);
+        writeImage(*capture.frames[f].mask, mask);
+        progress.update(int64_t(f) + 1);
+    }
+}
+
 Capture readClip(const ImportRequest& request) {
     CHECK(request.device && request.body && !request.workspace.empty(),
           "a clip is imported with a device, a body and a place for its frames");
@@ -68,6 +115,9 @@ Capture readClip(const ImportRequest& request) {
     Capture capture;
     createFolders(request.workspace / "images");
     createFolders(request.workspace / "masks");
+    const fs::path shares = request.workspace / "shares";
+    createFolders(shares);
+    ClipCutter cutter(request.plate);
     Clip clip(request.source, options);
     PersonTracker tracker(pose, request.person);
     Found found;
@@ -94,11 +144,10 @@ Capture readClip(const ImportRequest& request) {
         frame.mask = request.workspace / "masks" / (frame.name + ".png");
         frame.camera = cameraOfAngle(picture.width, picture.height,
                                      request.fov > 0 ? request.fov : kGuessedAngle);
-        Image mask(picture.width, picture.height, 1);
-        mask.data = personMask(*person, picture);
+        cutter.learn(picture, personShare(*person, picture.width, picture.height));
+        keepShare(shares / (frame.name + ".png"), *person);
         person->mask = {};
         writeImage(frame.image, picture);
-        writeImage(*frame.mask, mask);
         capture.frames.push_back(std::move(frame));
         found.track.push_back(std::move(person));
         found.times.push_back(frames[i].time);
@@ -108,6 +157,8 @@ Capture readClip(const ImportRequest& request) {
         throwInput("{}: expected a person in its {} frames, found nobody", request.source.string(),
                    nobody);
     }
+    cutAll(capture, found, shares, cutter);
+    fs::remove_all(shares);
     const size_t swaps = mendSwaps(found.track, found.beginnings);
     smoothBothWays(found.track, found.times, found.beginnings);
 
@@ -127,7 +178,8 @@ Capture readClip(const ImportRequest& request) {
     writeLandmarks(request.workspace / "landmarks.npz", found);
     capture.name = request.source.stem().string();
     capture.fps = keptRate(frames, options.fps);
-    capture.source["masks"] = fmt::format("found by blazepose {}", poseNetName(request.net));
+    capture.source["masks"] = fmt::format("found by blazepose {}, cut out by {}",
+                                          poseNetName(request.net), cutter.source());
     capture.source["poses"] = "a start from landmarks, for a fit to refine";
     capture.source["camera"] =
         request.fov > 0

@@ -14,6 +14,13 @@ constexpr double kRadiusShare = 1. / 64;
 constexpr double kEpsilon = 5e-3;
 constexpr double kIsland = .05;  // of the largest part
 
+// By colours, of the square's side as well: the network's own pixel, the windows that lead along
+// edges, the cells in which colours are counted, and how far beyond the network's mask is looked.
+constexpr double kBlurShare = 1. / 256, kLedShare = 1. / 256, kCellShare = 1. / 24,
+                 kReachShare = 3. / 64;
+constexpr double kLeastPrior = .002;  // shares between this and the rest are decided by colours
+constexpr double kMostFavour = 4;
+
 // Means over windows of 2 radius + 1 pixels a side, cut at the picture's border; by running sums.
 std::vector<double> windowMeans(const std::vector<double>& x, int width, int height, int radius) {
     const auto w = size_t(width), h = size_t(height);
@@ -145,36 +152,106 @@ std::vector<float> guidedFilter(const Image& rgb, const std::vector<float>& shar
     return result;
 }
 
-std::vector<uint8_t> personMask(const PersonLandmarks& person, const Image& rgb) {
-    const std::vector<float> share = personShare(person, rgb.width, rgb.height);
-    std::vector<uint8_t> mask(share.size());
-    // Filtered in the rectangle where the person may be.
-    int left = rgb.width, top = rgb.height, right = 0, bottom = 0;
-    const int radius = std::max(1, int(std::lround(person.roi.side * kRadiusShare)));
-    for (int y = 0; y < rgb.height; ++y)
-        for (int x = 0; x < rgb.width; ++x) {
-            if (share[size_t(y) * size_t(rgb.width) + size_t(x)] < .02f) continue;
-            left = std::min(left, x), right = std::max(right, x + 1);
-            top = std::min(top, y), bottom = std::max(bottom, y + 1);
+namespace {
+
+// Where the person may be, and a margin about it; empty: nowhere.
+Rect rectOf(const std::vector<float>& share, int width, int height, int margin) {
+    Rect rect{width, height, 0, 0};
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x) {
+            if (share[size_t(y) * size_t(width) + size_t(x)] < .02f) continue;
+            rect.left = std::min(rect.left, x), rect.right = std::max(rect.right, x + 1);
+            rect.top = std::min(rect.top, y), rect.bottom = std::max(rect.bottom, y + 1);
         }
-    if (right <= left) return mask;
-    left = std::max(left - 2 * radius, 0), right = std::min(right + 2 * radius, rgb.width);
-    top = std::max(top - 2 * radius, 0), bottom = std::min(bottom + 2 * radius, rgb.height);
-    Image part(right - left, bottom - top, 3);
-    std::vector<float> shares(size_t(part.width) * size_t(part.height));
-    for (int y = 0; y < part.height; ++y) {
-        std::copy_n(rgb.pixel(left, top + y), part.rowBytes(), part.row(y));
-        std::copy_n(&share[size_t(top + y) * size_t(rgb.width) + size_t(left)], part.width,
-                    &shares[size_t(y) * size_t(part.width)]);
+    if (rect.empty()) return {};
+    return {std::max(rect.left - margin, 0), std::max(rect.top - margin, 0),
+            std::min(rect.right + margin, width), std::min(rect.bottom + margin, height)};
+}
+
+Image partOf(const Image& rgb, const Rect& rect) {
+    Image part(rect.width(), rect.height(), 3);
+    for (int y = 0; y < part.height; ++y)
+        std::copy_n(rgb.pixel(rect.left, rect.top + y), part.rowBytes(), part.row(y));
+    return part;
+}
+
+std::vector<float> partOf(const std::vector<float>& share, int width, const Rect& rect) {
+    std::vector<float> part;
+    for (int y = rect.top; y < rect.bottom; ++y) {
+        const auto row = share.begin() + std::ptrdiff_t(y) * width;
+        part.insert(part.end(), row + rect.left, row + rect.right);
     }
-    const std::vector<float> led = guidedFilter(part, shares, radius, kEpsilon);
+    return part;
+}
+
+// The mask of a picture from the share in a rectangle, which is led along edges first.
+std::vector<uint8_t> ledMask(const Image& part, const std::vector<float>& share, int radius,
+                             const Image& rgb, const Rect& rect) {
+    const std::vector<float> led = guidedFilter(part, share, radius, kEpsilon);
     std::vector<uint8_t> whole(led.size());
     for (size_t i = 0; i < led.size(); ++i) whole[i] = led[i] >= .5f ? 255 : 0;
     dropIslands(whole, part.width, part.height);
+    std::vector<uint8_t> mask(size_t(rgb.width) * size_t(rgb.height));
     for (int y = 0; y < part.height; ++y)
         std::copy_n(&whole[size_t(y) * size_t(part.width)], part.width,
-                    &mask[size_t(top + y) * size_t(rgb.width) + size_t(left)]);
+                    &mask[size_t(rect.top + y) * size_t(rgb.width) + size_t(rect.left)]);
     return mask;
+}
+
+int radiusOf(double side, double share) { return std::max(1, int(std::lround(side * share))); }
+
+}  // namespace
+
+std::vector<uint8_t> personMask(const PersonLandmarks& person, const Image& rgb) {
+    const std::vector<float> share = personShare(person, rgb.width, rgb.height);
+    const int radius = radiusOf(person.roi.side, kRadiusShare);
+    const Rect rect = rectOf(share, rgb.width, rgb.height, 2 * radius);
+    if (rect.empty()) return std::vector<uint8_t>(share.size());
+    return ledMask(partOf(rgb, rect), partOf(share, rgb.width, rect), radius, rgb, rect);
+}
+
+// ---- by a whole clip's colours ------------------------------------------------------------------
+
+void ClipMasks::learn(const Image& rgb, const std::vector<float>& share) {
+    colours_.add(rgb, share);
+    background_.add(rgb, share);
+}
+
+void ClipMasks::finish() {
+    colours_.finish();
+    still_ = background_.still();
+}
+
+CutOut ClipMasks::cutOut(const Image& rgb, const std::vector<float>& share, double side) const {
+    const int blur = radiusOf(side, kBlurShare), led = radiusOf(side, kLedShare);
+    const Rect rect = rectOf(share, rgb.width, rgb.height, radiusOf(side, kReachShare));
+    if (rect.empty()) return {std::vector<uint8_t>(share.size()), 0};
+    const Image part = partOf(rgb, rect);
+    const std::vector<float> given = partOf(share, rgb.width, rect);
+    std::vector<double> prior(given.begin(), given.end());
+    for (int pass = 0; pass < 2; ++pass) prior = windowMeans(prior, part.width, part.height, blur);
+    std::vector<float> still;
+    if (still_) still = background_.favour(rgb, share, rect);
+    const PlaceColours places(rgb, rect, given, radiusOf(side, kCellShare));
+    std::vector<float> posterior(given.size());
+    for (size_t i = 0; i < given.size(); ++i) {
+        const double p = std::clamp(prior[i], kLeastPrior, 1 - kLeastPrior);
+        double favour = 0;
+        // Far inside and far outside the network is right.
+        if (prior[i] > kLeastPrior && prior[i] < 1 - kLeastPrior) {
+            const int x = rect.left + int(i % size_t(part.width)),
+                      y = rect.top + int(i / size_t(part.width));
+            favour = double(places.favour(x, y, rgb.pixel(x, y), colours_));
+        }
+        favour = std::clamp(favour, -kMostFavour, kMostFavour);
+        if (still_) favour += double(still[i]);
+        posterior[i] = float(1 / (1 + std::exp(-std::log(p / (1 - p)) - favour)));
+    }
+    // Neighbours of one colour belong together.
+    posterior = guidedFilter(part, posterior, led, kEpsilon);
+    double inside = 0, doubtful = 0;
+    for (float p : posterior) inside += p >= .5f, doubtful += p > .2f && p < .8f;
+    return {ledMask(part, posterior, led, rgb, rect), doubtful / std::max(inside, 1.)};
 }
 
 }  // namespace doppel

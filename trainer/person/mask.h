@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "trainer/person/blazepose.h"
+#include "trainer/person/colour_model.h"
 
 namespace doppel {
 
@@ -16,6 +17,37 @@ std::vector<float> personShare(const PersonLandmarks& person, int width, int hei
 // edges (He, Sun and Tang, Guided Image Filtering, TPAMI 2013), is at least a half. Islands far
 // smaller than the person are left out.
 std::vector<uint8_t> personMask(const PersonLandmarks& person, const Image& rgb);
+
+struct CutOut {
+    std::vector<uint8_t> mask;  // [H,W], 255 on the person and 0 elsewhere
+    double doubtful = 0;        // pixels of which it is not sure, over the person's
+};
+
+// What a clip tells of its person and of what is behind, beyond one picture's network: learnt from
+// all pictures, then asked for each. Memory does not depend on the clip's length.
+class ClipMasks {
+public:
+    // The picture and personShare() of it. All are of one size.
+    void learn(const Image& rgb, const std::vector<float>& share);
+    // A picture of the empty scene, of the clip's size, by the same camera, which stands still.
+    void setPlate(const Image& plate) { background_.set(plate); }
+    // After the last learn().
+    void finish();
+
+    // As personMask(), of personShare() in a square of this side, and then by the colours that the
+    // person and the background have in the whole clip and about each place of this picture (after
+    // Rother, Kolmogorov and Blake, GrabCut, 2004, with histograms, and a filter along edges in
+    // place of a cut); where the camera stands still, by what is behind each place, too.
+    CutOut cutOut(const Image& rgb, const std::vector<float>& share, double side) const;
+
+    const StillBackground& background() const { return background_; }
+    bool usesBackground() const { return still_; }
+
+private:
+    ClipColours colours_;
+    StillBackground background_;
+    bool still_ = false;
+};
 
 // A mean [H,W] of `share`, by local linear models of the picture's colours: of windows of 2 radius
 // + 1 pixels a side; epsilon: the variance of colours in [0, 1] below which a window is flat.

@@ -1,0 +1,212 @@
+// Masks by what a whole clip shows: its colours, a camera that stands still, a plate, a screen.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+
+#include "engine/error.h"
+#include "engine/io/video.h"
+#include "tests/files.h"
+#include "tests/op_test.h"
+#include "trainer/data/random.h"
+#include "trainer/eval/metrics.h"
+#include "trainer/import/clip_cutter.h"
+#include "trainer/motion/hand_held.h"
+
+namespace doppel {
+namespace {
+
+namespace fs = std::filesystem;
+using test::Folder;
+using test::messageOf;
+
+// A filmed actor, and shares as blurred as a network's whose edges are some pixels off.
+struct Filmed {
+    Folder folder;
+    std::vector<Image> pictures;
+    std::vector<std::vector<uint8_t>> truth;
+    std::vector<std::vector<float>> shares;
+    static constexpr double kSide = 400;  // of the network's square
+
+    explicit Filmed(const HandHeldOptions& given, int frames = 6) {
+        static const Actor actor = readActor(assetFolder() / "actor", "woman");
+        HandHeldOptions options = given;
+        options.width = 225, options.height = 400;
+        const Performer performer{&actor, oneTake(frames, kTakeDistance)};
+        filmHandHeld(testDevice(), {&performer, 1}, folder / "clip.mp4", folder / "truth", options);
+        VideoReader video(folder / "clip.mp4");
+        for (Image picture; video.next(picture);) {
+            // The writer pads odd sides.
+            Image cut(225, 400, 3);
+            for (int y = 0; y < 400; ++y) std::copy_n(picture.row(y), cut.rowBytes(), cut.row(y));
+            pictures.push_back(cut);
+        }
+        for (size_t f = 0; f < pictures.size(); ++f) {
+            const Image mask = readMask(folder / "truth/masks" / fmt::format("{:06}.png", f));
+            truth.push_back(mask.data);
+            shares.push_back(share(mask, f));
+        }
+    }
+
+    // The mask shifted by up to 2 pixels, at a fifth of its size and back.
+    static std::vector<float> share(const Image& mask, size_t frame) {
+        Image moved(mask.width, mask.height, 1);
+        const int right = int(5 * uniformOf(3, frame)) - 2, down = int(5 * uniformOf(4, frame)) - 2;
+        for (int y = 0; y < mask.height; ++y)
+            for (int x = 0; x < mask.width; ++x)
+                *moved.pixel(x, y) = *mask.pixel(std::clamp(x - right, 0, mask.width - 1),
+                                                 std::clamp(y - down, 0, mask.height - 1));
+        const Image blurred =
+            resize(resize(moved, mask.width / 5, mask.height / 5), mask.width, mask.height);
+        std::vector<float> share;
+        for (uint8_t v : blurred.data) share.push_back(float(v) / 255);
+        return share;
+    }
+
+    std::vector<ClipCutter::Sample> samples() const {
+        std::vector<ClipCutter::Sample> result;
+        for (size_t f = 0; f < pictures.size(); f += 2) result.push_back({pictures[f], shares[f]});
+        return result;
+    }
+    void learn(ClipCutter& cutter) const {
+        for (size_t f = 0; f < pictures.size(); ++f) cutter.learn(pictures[f], shares[f]);
+        cutter.finish(samples());
+    }
+    double iou(const ClipCutter& cutter) const {
+        double sum = 0;
+        for (size_t f = 0; f < pictures.size(); ++f)
+            sum += intersectionOverUnion(cutter.cut(pictures[f], shares[f], kSide).mask, truth[f]);
+        return sum / double(pictures.size());
+    }
+    // Of masks that are led along edges picture by picture.
+    double iouAlone() const {
+        double sum = 0;
+        for (size_t f = 0; f < pictures.size(); ++f) {
+            const auto led = guidedFilter(pictures[f], shares[f], 6, 5e-3);
+            std::vector<uint8_t> mask;
+            for (float v : led) mask.push_back(v >= .5f);
+            sum += intersectionOverUnion(mask, truth[f]);
+        }
+        return sum / double(pictures.size());
+    }
+};
+
+TEST(ClipCutter, AWholeClipsColoursTellMore) {
+    const Filmed film({});
+    ClipCutter cutter("");
+    film.learn(cutter);
+    const double alone = film.iouAlone(), all = film.iou(cutter);
+    std::cout << "led along edges " << alone << ", by the clip's colours " << all << "\n";
+    EXPECT_GT(all, alone + .02);
+    EXPECT_GT(all, .93);
+    EXPECT_EQ(cutter.source(), "the clip's colours");
+    const FrameCut cut = cutter.cut(film.pictures[0], film.shares[0], Filmed::kSide);
+    EXPECT_GT(cut.network, .7);
+    EXPECT_LT(cut.network, .97);
+    EXPECT_GT(cut.doubtful, 0);
+    EXPECT_LT(cut.doubtful, .4);
+    // Nobody there, nobody cut out.
+    const FrameCut nobody =
+        cutter.cut(film.pictures[0], std::vector<float>(film.shares[0].size()), Filmed::kSide);
+    EXPECT_EQ(std::ranges::count(nobody.mask, 255), 0);
+}
+
+TEST(ClipCutter, ACameraThatStandsStillIsNoticed) {
+    HandHeldOptions options;
+    options.still = true;
+    const Filmed film(options, 10);
+    ClipCutter cutter("");
+    film.learn(cutter);
+    EXPECT_NE(cutter.source().find("the camera stands still"), std::string::npos);
+    EXPECT_GT(film.iou(cutter), .94);
+}
+
+TEST(ClipCutter, AScreenIsFoundAndNamed) {
+    HandHeldOptions options;
+    options.plain = true;
+    const Filmed green(options, 4);
+    ClipCutter cutter("");
+    green.learn(cutter);
+    EXPECT_EQ(cutter.source().find("a green screen, #"), 0u) << cutter.source();
+    EXPECT_GT(green.iou(cutter), .93);
+    options.screen = {.08f, .2f, .75f};
+    const Filmed blue(options, 2);
+    ClipCutter second("");
+    blue.learn(second);
+    EXPECT_EQ(second.source().find("a blue screen, #"), 0u) << second.source();
+    options.screen = {.6f, .6f, .58f};  // a wall is none
+    const Filmed grey(options, 2);
+    ClipCutter third("");
+    grey.learn(third);
+    EXPECT_EQ(third.source().find("screen"), std::string::npos) << third.source();
+}
+
+TEST(ClipCutter, APlateIsUsedAndChecked) {
+    HandHeldOptions options;
+    options.still = true;
+    const Filmed film(options, 3);
+    // A plate is filmed with the actor out of sight.
+    HandHeldOptions empty = options;
+    Image plate = film.pictures[0];
+    {
+        static const Actor actor = readActor(assetFolder() / "actor", "woman");
+        std::vector<MotionFrame> aside = oneTake(1, kTakeDistance);
+        aside[0].trans[0] = 30;
+        const Performer performer{&actor, aside};
+        empty.width = 225, empty.height = 400;
+        filmHandHeld(testDevice(), {&performer, 1}, film.folder / "empty.mp4", film.folder / "none",
+                     empty);
+        VideoReader video(film.folder / "empty.mp4");
+        Image picture;
+        ASSERT_TRUE(video.next(picture));
+        for (int y = 0; y < 400; ++y) std::copy_n(picture.row(y), plate.rowBytes(), plate.row(y));
+    }
+    writeImage(film.folder / "plate.png", plate);
+    ClipCutter cutter(film.folder / "plate.png");
+    film.learn(cutter);
+    EXPECT_EQ(cutter.source(), "the plate plate.png");
+    ClipCutter without("");
+    film.learn(without);
+    EXPECT_GT(film.iou(cutter), film.iou(without));
+    EXPECT_GT(film.iou(cutter), .94);
+
+    // Another scene, another shape, no picture.
+    Image noise(225, 400, 3);
+    for (size_t i = 0; i < noise.data.size(); ++i)
+        noise.data[i] = uint8_t(256 * uniformOf(5, i / 300));
+    writeImage(film.folder / "noise.png", noise);
+    const auto refusal = [&](const char* name) {
+        return messageOf<InputError>([&] {
+            ClipCutter wrong(film.folder / name);
+            film.learn(wrong);
+        });
+    };
+    EXPECT_NE(refusal("noise.png").find("noise.png: expected what the frames show without"),
+              std::string::npos);
+    writeImage(film.folder / "wide.png", Image(400, 225, 3, 90));
+    EXPECT_NE(refusal("wide.png").find("wide.png: expected a picture as wide and high"),
+              std::string::npos);
+    film.folder.write("text.png", std::string("?"));
+    EXPECT_NE(refusal("text.png").find("text.png"), std::string::npos);
+}
+
+TEST(StillBackground, ShadowsAreBackground) {
+    Image wall(40, 30, 3);
+    for (size_t i = 0; i < wall.data.size(); ++i) wall.data[i] = uint8_t(120 + (i * 7) % 40);
+    StillBackground background;
+    background.set(wall);
+    Image now = wall;
+    for (int x = 0; x < 10; ++x)
+        for (size_t c = 0; c < 3; ++c) {
+            now.pixel(x, 5)[c] = uint8_t(.8 * now.pixel(x, 5)[c]);  // a shadow
+            now.pixel(x, 9)[c] = uint8_t(c == 0 ? 230 : 40);        // somebody's sleeve
+        }
+    const auto favour = background.favour(now, std::vector<float>(1200), {0, 0, 40, 30});
+    EXPECT_LT(favour[20 * 40 + 5], -2);
+    EXPECT_LT(favour[5 * 40 + 4], 1);
+    EXPECT_GT(favour[9 * 40 + 4], 3);
+}
+
+}  // namespace
+}  // namespace doppel

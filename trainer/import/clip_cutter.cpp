@@ -1,0 +1,104 @@
+#include "trainer/import/clip_cutter.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/error.h"
+#include "trainer/eval/metrics.h"
+#include "trainer/person/mask_tools.h"
+
+namespace doppel {
+
+namespace {
+
+constexpr double kPlateDistance = 16;   // values of 255: more is another scene
+constexpr double kLeastAgreement = .7;  // IoU of a key's mask with the network's
+// Of the square's side: whole pixels that hold a screen's light.
+constexpr double kChoke = 1. / 800;
+
+std::vector<uint8_t> surely(const std::vector<float>& share) {
+    std::vector<uint8_t> mask(share.size());
+    std::ranges::transform(share, mask.begin(),
+                           [](float s) { return uint8_t(s >= .5f ? 255 : 0); });
+    return mask;
+}
+
+Picture pictureOf(const Image& rgb) { return {rgb.width, rgb.height, rgb.data, {}}; }
+
+}  // namespace
+
+void ClipCutter::learn(const Image& rgb, const std::vector<float>& share) {
+    if (!plate_.empty() && !plateSet_) {
+        Image plate = readImage(plate_);
+        const double across = double(plate.width) / rgb.width,
+                     down = double(plate.height) / rgb.height;
+        if (std::abs(across / down - 1) > .01) {
+            throwInput(
+                "{}: expected a picture as wide and high as the frames ({}×{}) or in "
+                "proportion, found {}×{}",
+                plate_.string(), rgb.width, rgb.height, plate.width, plate.height);
+        }
+        masks_.setPlate(resize(plate, rgb.width, rgb.height));
+        plateSet_ = true;
+    }
+    masks_.learn(rgb, share);
+}
+
+void ClipCutter::finish(std::span<const Sample> samples) {
+    masks_.finish();
+    CHECK(!samples.empty(), "a clip has frames");
+    if (plateSet_) {
+        std::vector<double> distances;
+        for (const Sample& sample : samples)
+            distances.push_back(masks_.background().distance(sample.rgb, sample.share));
+        std::ranges::sort(distances);
+        const double middle = distances[distances.size() / 2];
+        if (middle > kPlateDistance) {
+            throwInput(
+                "{}: expected what the frames show without the person, by a camera that "
+                "stands still; where nobody is they differ from it by {:.0f} of 255",
+                plate_.string(), middle);
+        }
+        return;
+    }
+    std::vector<std::shared_ptr<const Picture>> pictures;
+    std::vector<std::vector<uint8_t>> people;
+    for (const Sample& sample : samples) {
+        pictures.push_back(std::make_shared<Picture>(pictureOf(sample.rgb)));
+        people.push_back(surely(sample.share));
+    }
+    screen_ = screenOf(pictures);
+    if (!screen_.empty()) key_ = std::make_unique<PersonKey>(pictures, people, "the clip");
+}
+
+FrameCut ClipCutter::cut(const Image& rgb, const std::vector<float>& share, double side) const {
+    const std::vector<uint8_t> network = surely(share);
+    CutOut byColours = masks_.cutOut(rgb, share, side);
+    FrameCut result{std::move(byColours.mask), byColours.doubtful, 0};
+    if (key_) {
+        std::vector<uint8_t> keyed = key_->mask(pictureOf(rgb), network);
+        // A person who leaves the screen, or wears its colour, is not what is before it.
+        if (intersectionOverUnion(keyed, network) >= kLeastAgreement) {
+            const auto depth = distanceTo(invertedMask(keyed), rgb.width, rgb.height);
+            const auto choke = float(std::floor(side * kChoke));
+            for (size_t i = 0; i < keyed.size(); ++i)
+                if (depth[i] <= choke) keyed[i] = 0;
+            result.mask = std::move(keyed);
+        }
+    }
+    result.network = intersectionOverUnion(result.mask, network);
+    return result;
+}
+
+std::string ClipCutter::source() const {
+    if (plateSet_) return fmt::format("the plate {}", plate_.filename().string());
+    if (key_) {
+        const auto [r, g, b] = key_->screen().colour();
+        return fmt::format("a {} screen, #{:02x}{:02x}{:02x}", screen_, r, g, b);
+    }
+    if (masks_.usesBackground())
+        return "the clip's colours and what is behind, for the camera stands still";
+    return "the clip's colours";
+}
+
+}  // namespace doppel

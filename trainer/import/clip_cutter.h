@@ -1,0 +1,52 @@
+// Cuts the person out of a clip's frames, with whatever the clip offers: the network's mask, the
+// colours of the whole clip, a camera that stands still, a plate, a screen.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+
+#include "trainer/import/chroma_key.h"
+#include "trainer/person/mask.h"
+
+namespace doppel {
+
+// A frame's mask, and how the ways to it agree.
+struct FrameCut {
+    std::vector<uint8_t> mask;  // [H,W], 255 on the person and 0 elsewhere
+    double doubtful = 0;        // pixels of which it is not sure, over the person's
+    double network = 0;         // IoU with the network's own mask
+};
+
+class ClipCutter {
+public:
+    // InputError where the plate is no picture. Empty: there is none.
+    explicit ClipCutter(std::filesystem::path plate) : plate_(std::move(plate)) {}
+
+    // In a first pass, each frame and personShare() of it.
+    void learn(const Image& rgb, const std::vector<float>& share);
+
+    // Then some of the frames again, from all over the clip, in which a screen is looked for.
+    // InputError where the plate shows something else than they do.
+    struct Sample {
+        Image rgb;
+        std::vector<float> share;
+    };
+    void finish(std::span<const Sample> samples);
+
+    // In a second pass, each frame, the share, and its square's side.
+    FrameCut cut(const Image& rgb, const std::vector<float>& share, double side) const;
+
+    // "the clip's colours", "a green screen, #1c9a3f", "the plate empty.jpg", …
+    std::string source() const;
+
+private:
+    std::filesystem::path plate_;
+    bool plateSet_ = false;
+    ClipMasks masks_;
+    std::unique_ptr<PersonKey> key_;
+    std::string screen_;
+};
+
+}  // namespace doppel
