@@ -51,7 +51,8 @@ void runImport(const ImportOptions& options) {
         if (capture.keypoints) json["keypoints"] = capture.keypoints->scheme;
         if (result.givenMasks + result.keyedMasks > 0) json["iou"] = result.meanIou;
         json["fps"] = capture.fps;
-        for (const char* said : {"masks", "left_out", "ends", "cuts", "swaps", "camera"}) {
+        for (const char* said : {"masks", "left_out", "ends", "cuts", "swaps", "people", "hidden",
+                                 "cut_off", "quality", "camera"}) {
             if (const auto at = capture.source.find(said); at != capture.source.end())
                 json[said] = at->second;
         }
@@ -72,6 +73,10 @@ void printImport(const ImportOptions& options, const ImportResult& result) {
                                      {"ends", "the file ends"},
                                      {"cuts", "cuts at"},
                                      {"swaps", "swaps"},
+                                     {"people", "people"},
+                                     {"hidden", "hidden"},
+                                     {"cut_off", "cut off"},
+                                     {"quality", "quality"},
                                      {"camera", "camera"}}) {
         if (const auto at = capture.source.find(said); at != capture.source.end())
             std::cout << fmt::format("{}: {}\n", what, at->second);

@@ -6,6 +6,7 @@
 
 #include "engine/error.h"
 #include "engine/io/image.h"
+#include "engine/io/video.h"
 #include "trainer/data/capture_writer.h"
 #include "trainer/data/progress.h"
 #include "trainer/data/version.h"
@@ -79,6 +80,12 @@ ImportResult importCapture(const ImportSettings& settings, const DrawBody& drawB
     const std::vector<size_t> onSheet = evenly(frames, kSheetPictures);
     std::vector<Image> sheet;
     if (settings.overlays) createFolders(writer.folder() / "overlays");
+    // Of a clip, whose frames follow each other, mask and keypoints make a film.
+    std::optional<VideoWriter> film;
+    std::error_code ignored;
+    const bool filmed = settings.overlays && capture.keypoints &&
+                        capture.keypoints->scheme == "openpose25" &&
+                        fs::exists(writer.folder() / "landmarks.npz", ignored);
     Progress progress("import", int64_t(frames));
     for (size_t f = 0; f < frames; ++f) {
         if (interrupted()) throw Interrupted{};
@@ -117,8 +124,17 @@ ImportResult importCapture(const ImportSettings& settings, const DrawBody& drawB
                 sheet.push_back(std::move(tile));
             }
         }
+        if (filmed) {
+            const Image shown =
+                skeletonPicture(picture, std::span(capture.keypoints->values).subspan(75 * f, 75));
+            if (!film)
+                film.emplace(writer.folder() / "overlay.mp4", shown.width, shown.height,
+                             std::clamp(capture.fps, 1., 1000.));
+            film->add(shown);
+        }
         progress.update(int64_t(f) + 1);
     }
+    if (film) film->finish();
     if (settings.overlays) {
         writeImage(writer.folder() / "overlay.jpg", tiles(sheet, kSheetColumns));
     }

@@ -26,8 +26,9 @@ struct ImportResult {
 };
 
 // Reads the source with the importer that recognises it, and writes the capture settings.out with
-// an overlay picture per frame (overlays/NAME.jpg) and a contact sheet (overlay.jpg). InputError
-// for anything that is wrong with the source; nothing is left at settings.out then.
+// an overlay picture per frame (overlays/NAME.jpg) and a contact sheet (overlay.jpg); of a clip,
+// mask and skeleton over its frames too (overlay.mp4). InputError for anything that is wrong with
+// the source; nothing is left at settings.out then.
 ImportResult importCapture(const ImportSettings& settings, const DrawBody& drawBody);
 
 }  // namespace doppel

@@ -10,6 +10,8 @@
 #include "trainer/data/progress.h"
 #include "trainer/import/clip_cutter.h"
 #include "trainer/import/importer.h"
+#include "trainer/import/overlay.h"
+#include "trainer/import/quality.h"
 #include "trainer/person/body_start.h"
 #include "trainer/person/mask.h"
 #include "trainer/person/tracker.h"
@@ -57,6 +59,18 @@ void writeLandmarks(const fs::path& file, const Found& found) {
     writeNpz(file, arrays, false);
 }
 
+// The people of the first frame in their boxes, with the numbers that --person takes.
+void writePeople(const fs::path& file, const Image& picture, const PersonTracker& tracker) {
+    std::vector<Box> boxes;
+    for (const Roi& roi : tracker.people()) {
+        // About as wide as a person with arms that hang.
+        const double down = .45 * roi.side, across = .2 * roi.side;
+        boxes.push_back({roi.centre[0] - across, roi.centre[1] - down, roi.centre[0] + across,
+                         roi.centre[1] + down});
+    }
+    writeImage(file, numberedPicture(picture, boxes, tracker.followed()));
+}
+
 // The network's masks, in their squares, wait on disk until the whole clip was seen.
 void keepShare(const fs::path& file, const PersonLandmarks& person) {
     Image share(kRoiMaskSide, kRoiMaskSide, 1);
@@ -77,7 +91,8 @@ void takeShare(const fs::path& file, PersonLandmarks& person) {
 constexpr size_t kSamples = 12;  // frames in which a screen is looked for
 
 // Masks of all frames, by what the whole clip has shown.
-void cutAll(const Capture& capture, Found& found, const fs::path& shares, ClipCutter& cutter) {
+void cutAll(const Capture& capture, Found& found, const fs::path& shares, ClipCutter& cutter,
+            ClipQuality& quality) {
     const auto load = [&](size_t f) {
         takeShare(shares / (capture.frames[f].name + ".png"), *found.track[f]);
         ClipCutter::Sample sample{readImage(capture.frames[f].image), {}};
@@ -90,12 +105,21 @@ void cutAll(const Capture& capture, Found& found, const fs::path& shares, ClipCu
     for (size_t i = 0; i < some; ++i) samples.push_back(load(i * count / some));
     cutter.finish(samples);
     samples.clear();
+    FlickerMeter flicker;
     Progress progress("cut the person out", int64_t(count));
     for (size_t f = 0; f < count; ++f) {
         if (interrupted()) throw Interrupted{};
         const ClipCutter::Sample frame = load(f);
         FrameCut cut = cutter.cut(frame.rgb, frame.share, found.track[f]->roi.side);
         Image mask(frame.rgb.width, frame.rgb.height, 1);
+        FrameQuality& frameQuality = quality.frames[f];
+        frameQuality.agreement = cut.network;
+        frameQuality.doubtful = cut.doubtful;
+        if (std::ranges::count(found.beginnings, f) > 0 ||
+            (f > 0 && found.times[f] - found.times[f - 1] > kFlickerSeconds))
+            flicker.forget();
+        const auto ofLast = flicker.next(cut.mask);
+        if (f > 0) quality.frames[f - 1].flicker = ofLast;
         mask.data = std::move(cut.mask);
         writeImage(*capture.frames[f].mask, mask);
         progress.update(int64_t(f) + 1);
@@ -121,6 +145,8 @@ Capture readClip(const ImportRequest& request) {
     Clip clip(request.source, options);
     PersonTracker tracker(pose, request.person);
     Found found;
+    ClipQuality quality;
+    quality.seen = frames.size();
     size_t nobody = 0;
     bool cut = false;
     Image picture;
@@ -129,12 +155,22 @@ Capture readClip(const ImportRequest& request) {
         if (interrupted()) throw Interrupted{};
         progress.update(int64_t(i) + 1);
         cut = cut || frames[i].cut;
-        if (frames[i].fate != Fate::Kept) continue;
+        const auto leaveOut = [&](std::string why) {
+            quality.leftOut.push_back({int64_t(i), frames[i].time, std::move(why)});
+        };
+        if (frames[i].fate != Fate::Kept) {
+            if (const std::string why = whyLeftOut(frames[i]); !why.empty()) leaveOut(why);
+            continue;
+        }
         if (cut) tracker.forget();
         auto person = tracker.next(picture, frames[i].time);
         if (!person) {
             ++nobody;
+            leaveOut("without the person");
             continue;
+        }
+        if (found.track.empty() && tracker.people().size() > 1) {
+            writePeople(request.workspace / "people.jpg", picture, tracker);
         }
         if (cut) found.beginnings.push_back(found.track.size());
         cut = false;
@@ -144,6 +180,7 @@ Capture readClip(const ImportRequest& request) {
         frame.mask = request.workspace / "masks" / (frame.name + ".png");
         frame.camera = cameraOfAngle(picture.width, picture.height,
                                      request.fov > 0 ? request.fov : kGuessedAngle);
+        quality.frames.push_back(qualityOf(frame.name, *person, picture.width, picture.height));
         cutter.learn(picture, personShare(*person, picture.width, picture.height));
         keepShare(shares / (frame.name + ".png"), *person);
         person->mask = {};
@@ -157,7 +194,8 @@ Capture readClip(const ImportRequest& request) {
         throwInput("{}: expected a person in its {} frames, found nobody", request.source.string(),
                    nobody);
     }
-    cutAll(capture, found, shares, cutter);
+    cutAll(capture, found, shares, cutter, quality);
+    quality.masks = cutter.source();
     fs::remove_all(shares);
     const size_t swaps = mendSwaps(found.track, found.beginnings);
     smoothBothWays(found.track, found.times, found.beginnings);
@@ -192,6 +230,20 @@ Capture readClip(const ImportRequest& request) {
     if (const std::string ends = endsEarly(frames, clip.duration()); !ends.empty())
         capture.source["ends"] = ends;
     if (const std::string cuts = cutsOf(frames); !cuts.empty()) capture.source["cuts"] = cuts;
+    if (tracker.people().size() > 1) {
+        capture.source["people"] = fmt::format(
+            "{} in the first frame, of whom number {} is followed; people.jpg has the numbers "
+            "that --person takes",
+            tracker.people().size(), tracker.followed() + 1);
+    }
+    if (tracker.mistaken() > 0) {
+        capture.source["hidden"] = fmt::format(
+            "in {} frames somebody else was found, and they are left out", tracker.mistaken());
+    }
+    writeQuality(request.workspace / "quality.json", quality);
+    capture.source["quality"] = summary(quality);
+    if (const std::string lacks = cutOff(quality); !lacks.empty())
+        capture.source["cut_off"] = lacks;
     if (swaps > 0) capture.source["swaps"] = fmt::format("{} of left and right, mended", swaps);
     return capture;
 }

@@ -58,54 +58,165 @@ Roi RoiFilter::operator()(const PersonLandmarks& person, double seconds) {
     return roiOfBody(points[0], points[1]);
 }
 
+namespace {
+
+constexpr size_t kSteps = 8, kBins = kSteps * kSteps * kSteps;  // of colours
+constexpr double kLookAround = .5;                              // seconds
+constexpr double kGivesUp = 2;                                  // seconds
+constexpr double kLearns = .1;                                  // of a likely picture
+constexpr double kLikely = .85, kUnlike = .7;                   // of the usual likeness
+constexpr double kSomebodyElse = .35;  // of the square's side: farther is another person
+
+double apart(const Roi& a, const Roi& b) {
+    return std::hypot(a.centre[0] - b.centre[0], a.centre[1] - b.centre[1]);
+}
+
+}  // namespace
+
+Appearance::Appearance(const Image& rgb, const PersonLandmarks& person) {
+    shares_.assign(2 * kBins, 0);
+    std::array<double, 2> totals{};
+    for (int v = 1; v < kRoiMaskSide; v += 2)
+        for (int u = 1; u < kRoiMaskSide; u += 2) {
+            if (person.mask[size_t(v * kRoiMaskSide + u)] < 1) continue;  // a logit
+            const Point2 at =
+                person.roi.toPicture({(u + .5) / kRoiMaskSide, (v + .5) / kRoiMaskSide});
+            if (at[0] < 0 || at[1] < 0 || at[0] >= rgb.width || at[1] >= rgb.height) continue;
+            const uint8_t* p = rgb.pixel(int(at[0]), int(at[1]));
+            const size_t bin =
+                (p[0] * kSteps / 256 * kSteps + p[1] * kSteps / 256) * kSteps + p[2] * kSteps / 256;
+            const size_t half = v >= kRoiMaskSide / 2;
+            shares_[half * kBins + bin] += 1;
+            totals[half] += 1;
+        }
+    for (size_t half : {0u, 1u})
+        for (size_t i = 0; i < kBins; ++i)
+            shares_[half * kBins + i] /= float(std::max(totals[half], 1.));
+}
+
+double Appearance::likeness(const Appearance& other) const {
+    if (empty() || other.empty()) return 0;
+    double sum = 0;
+    for (size_t i = 0; i < shares_.size(); ++i)
+        sum += std::sqrt(double(shares_[i]) * double(other.shares_[i]));
+    return sum / 2;
+}
+
+void Appearance::learn(const Appearance& other, double rate) {
+    if (empty()) {
+        *this = other;
+        return;
+    }
+    for (size_t i = 0; i < shares_.size(); ++i)
+        shares_[i] += float(rate) * (other.shares_[i] - shares_[i]);
+}
+
 void PersonTracker::forget() {
     roi_.reset();
     filter_ = {};
+    others_ = false;
+}
+
+std::vector<Roi> PersonTracker::detect(const Image& rgb, double time) {
+    ++detections_;
+    detected_ = time;
+    std::vector<Roi> people;
+    for (const Detection& detection : pose_.detect(rgb)) people.push_back(detection.roi());
+    others_ = others_ || people.size() > 1;
+    return people;
 }
 
 std::optional<Roi> PersonTracker::find(const Image& rgb) {
-    ++detections_;
-    std::vector<Roi> people;
-    for (const Detection& detection : pose_.detect(rgb)) people.push_back(detection.roi());
+    std::vector<Roi> people = detect(rgb, time_);
     if (people.empty()) return {};
-    const auto nearest = [&](const Roi& a, const Roi& b) {
-        const auto away = [&](const Roi& roi) {
-            return std::hypot(roi.centre[0] - last_->centre[0], roi.centre[1] - last_->centre[1]);
-        };
-        return away(a) < away(b);
-    };
-    if (last_ && person_ > 0) return *std::ranges::min_element(people, nearest);
+    if (last_ && person_ > 0)
+        return *std::ranges::min_element(people, {},
+                                         [&](const Roi& roi) { return apart(roi, *last_); });
     if (person_ > int(people.size())) {
         throwInput("--person: expected 1 to {}, as many as the first picture shows, found {}",
                    people.size(), person_);
     }
-    if (person_ > 0) {
-        std::ranges::sort(people, {}, [](const Roi& roi) { return roi.centre[0]; });
-        return people[size_t(person_ - 1)];
+    std::ranges::sort(people, {}, [](const Roi& roi) { return roi.centre[0]; });
+    const auto chosen =
+        person_ > 0 ? people.begin() + (person_ - 1)
+                    : std::ranges::max_element(people, {}, [](const Roi& r) { return r.side; });
+    if (people_.empty()) {
+        people_ = people;
+        followed_ = size_t(chosen - people.begin());
     }
-    return *std::ranges::max_element(people, {}, [](const Roi& roi) { return roi.side; });
+    return *chosen;
+}
+
+PersonLandmarks PersonTracker::look(const Image& rgb, const Roi& roi) {
+    // Who takes the largest network wants it exact.
+    return pose_.net() == PoseNet::Heavy ? pose_.landmarksBothWays(rgb, roi)
+                                         : pose_.landmarks(rgb, roi);
+}
+
+std::optional<PersonLandmarks> PersonTracker::recognise(const Image& rgb, double time,
+                                                        std::optional<PersonLandmarks> followed) {
+    std::vector<PersonLandmarks> candidates;
+    for (const Roi& roi : detect(rgb, time)) {
+        if (followed && apart(roi, followed->roi) < kSomebodyElse * roi.side) continue;
+        PersonLandmarks other = look(rgb, roi);
+        if (other.presence > kLeastPresence) candidates.push_back(std::move(other));
+    }
+    if (followed) candidates.push_back(std::move(*followed));
+    const PersonLandmarks* best = nullptr;
+    // Who has changed so much, a coat taken off, is the person after all.
+    double likeness = time - seen_ > kGivesUp ? 0 : kUnlike * usual_;
+    for (const PersonLandmarks& candidate : candidates) {
+        const double like = looks_.likeness(Appearance(rgb, candidate));
+        if (like < likeness) continue;
+        likeness = like, best = &candidate;
+    }
+    if (best) return *best;
+    mistaken_ += !candidates.empty();
+    return {};
 }
 
 std::optional<PersonLandmarks> PersonTracker::next(const Image& rgb, double time) {
     const double seconds = std::max(time - time_, 1e-3);
     time_ = time;
+    std::optional<PersonLandmarks> person;
     // What was followed may be lost, and found by the detector in the same picture.
-    for (int attempt = roi_ ? 0 : 1; attempt < 2; ++attempt) {
-        if (attempt == 1) {
-            forget();
-            roi_ = find(rgb);
-            if (!roi_) return {};
-        }
-        // Who takes the largest network wants it exact.
-        PersonLandmarks person = pose_.net() == PoseNet::Heavy ? pose_.landmarksBothWays(rgb, *roi_)
-                                                               : pose_.landmarks(rgb, *roi_);
-        if (!(person.presence > kLeastPresence)) continue;
-        last_ = roi_;
-        roi_ = filter_(person, seconds);
-        return person;
+    if (roi_) {
+        person = look(rgb, *roi_);
+        if (!(person->presence > kLeastPresence)) person.reset();
     }
-    forget();
-    return {};
+    if (!person && !(others_ && usual_ > 0)) {
+        const bool others = others_;
+        forget();
+        others_ = others;
+        roi_ = find(rgb);
+        if (!roi_) return {};
+        person = look(rgb, *roi_);
+        if (!(person->presence > kLeastPresence)) {
+            roi_.reset();
+            return {};
+        }
+    } else if (person && time - detected_ >= kLookAround) {
+        detect(rgb, time);
+    }
+    double like = person ? looks_.likeness(Appearance(rgb, *person)) : 0;
+    if (others_ && usual_ > 0 && like < kLikely * usual_) {
+        const std::optional<Roi> before = roi_;
+        person = recognise(rgb, time, std::move(person));
+        if (!person) {
+            roi_.reset();
+            filter_ = {};
+            return {};
+        }
+        like = looks_.likeness(Appearance(rgb, *person));
+        if (!before || apart(person->roi, *before) > 0) filter_ = {};
+    }
+    const Appearance now(rgb, *person);
+    usual_ = usual_ > 0 ? usual_ + kLearns * (like - usual_) : looks_.empty() ? 0 : like;
+    looks_.learn(now, !others_ || like >= kLikely * usual_ ? kLearns : kLearns / 4);
+    last_ = person->roi;
+    seen_ = time;
+    roi_ = filter_(*person, seconds);
+    return person;
 }
 
 // ---- smoothing ----------------------------------------------------------------------------------
