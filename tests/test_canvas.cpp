@@ -1,5 +1,5 @@
 // Dear ImGui's triangles, drawn by the host.
-#include "viewer/canvas.h"
+#include "viewer/window/canvas.h"
 
 #include <gtest/gtest.h>
 #include <imgui/imgui.h>

@@ -22,10 +22,10 @@ namespace fs = std::filesystem;
 // From the lowest to the highest. A file includes files of its own folder and of folders before it.
 // A folder that is not named here has the place of the folder that it lies in.
 const std::vector<std::string> kOrder = {
-    "engine",         "engine/io",       "nn/core",      "nn/body",        "nn/ops",
-    "nn/nets",        "nn/steps",        "nn/tools",     "trainer/data",   "trainer/motion",
-    "trainer/avatar", "viewer",          "trainer/eval", "trainer/person", "trainer/import",
-    "trainer/stages", "trainer/commands"};
+    "engine",         "engine/io",      "nn/core",        "nn/body",         "nn/ops",
+    "nn/nets",        "nn/steps",       "nn/tools",       "trainer/data",    "trainer/motion",
+    "trainer/avatar", "viewer/window",  "viewer/pose",    "viewer",          "trainer/eval",
+    "trainer/person", "trainer/import", "trainer/stages", "trainer/commands"};
 // The viewer stands beside these: neither includes the other.
 const std::set<std::string> kBesideViewer = {"trainer/eval", "trainer/person", "trainer/import",
                                              "trainer/stages"};
@@ -71,6 +71,9 @@ std::vector<std::string> includesUp(const Sources& sources) {
         }
         return place;
     };
+    auto ofViewer = [](const fs::path& folder) {
+        return !folder.empty() && *folder.begin() == "viewer";
+    };
     for (const auto& [file, text] : sources) {
         const std::string folder = folderOf(file);
         if (placeOf(folder) == kOrder.end())
@@ -78,8 +81,8 @@ std::vector<std::string> includesUp(const Sources& sources) {
         for (const std::string& include : includesOf(text)) {
             const std::string other = folderOf(include);
             if (!sources.contains(include)) continue;  // a shader's parameters, say
-            bool beside = folder == "viewer" ? kBesideViewer.contains(other)
-                                             : kBesideViewer.contains(folder) && other == "viewer";
+            bool beside = ofViewer(folder) ? kBesideViewer.contains(other)
+                                           : kBesideViewer.contains(folder) && ofViewer(other);
             if (beside || placeOf(other) > placeOf(folder))
                 found.push_back(file + " includes " + include);
         }

@@ -1,18 +1,18 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 #include <limits>
+#include <random>
 
 #include "engine/error.h"
-#include "engine/files/npz.h"
 #include "tests/files.h"
 #include "trainer/motion/motion.h"
-#include "viewer/pose_editor.h"
+#include "viewer/pose/pose_editor.h"
 
 namespace doppel {
 namespace {
 
-using test::Folder;
 using test::messageOf;
 
 Pose bent(double angle) {
@@ -138,13 +138,6 @@ TEST(PoseEditor, ResetsAndMirrors) {
     EXPECT_EQ(editor.pose(), bent(.5));
     EXPECT_EQ(editor.betas(), betas);
     EXPECT_FALSE(editor.canUndo());
-
-    // A timeline moves on: no step, and resets go to what it shows.
-    editor.show(bent(.7));
-    EXPECT_FALSE(editor.canUndo());
-    editor.setPose(bent(2));
-    editor.resetPose();
-    EXPECT_EQ(editor.pose(), bent(.7));
 }
 
 // ---- clipboard ----------------------------------------------------------------------------------
@@ -231,19 +224,20 @@ TEST(PoseEditor, RefusesWhatIsNoPose) {
     EXPECT_EQ(shown.find('\n'), std::string::npos);
 }
 
-// ---- keyframes ----------------------------------------------------------------------------------
+// ---- keys ---------------------------------------------------------------------------------------
 
-TEST(PoseEditor, KeepsKeyframesInOrder) {
+TEST(PoseEditor, KeepsKeysInOrder) {
     PoseEditor editor(bent(0));
     for (double time : {10., 0., 5.5}) {
+        editor.goTo(time);
         editor.setPose(bent(time / 10));
         editor.setKeyframe(time);
     }
     ASSERT_EQ(editor.keyframes().size(), 3u);
     EXPECT_EQ(editor.keyframes()[1].time, 5.5);
     EXPECT_EQ(editor.keyframes()[2].pose, bent(1));
+    // With keys on the timeline an edit is one of itself.
     editor.setPose(bent(.2));
-    editor.setKeyframe(5.5);
     ASSERT_EQ(editor.keyframes().size(), 3u);
     EXPECT_EQ(editor.keyframes()[1].pose, bent(.2));
     EXPECT_TRUE(editor.removeKeyframe(5.5));
@@ -271,8 +265,8 @@ TEST(PoseEditor, InterpolatesTheShortWay) {
     editor.setKeyframe(10);
     Pose later = bent(.6);
     later.rotation[0] = {0, -170 * kDegree, 0};
+    editor.goTo(20);
     editor.setPose(later);
-    editor.setKeyframe(20);
     const Pose middle = editor.poseAt(12.5);
     EXPECT_NEAR(glm::length(middle.rotation[joint::kLeftElbow] - glm::dvec3(0, -.3, 0)), 0, 1e-12);
     EXPECT_NEAR(middle.trans.x, .3, 1e-12);
@@ -283,67 +277,237 @@ TEST(PoseEditor, InterpolatesTheShortWay) {
     EXPECT_EQ(editor.poseAt(1e9), later);
 }
 
-TEST(PoseEditor, SavesMotionsThatAreReadBack) {
-    Folder folder;
-    PoseEditor editor({}, {.5f, -1});
-    EXPECT_EQ(messageOf<InputError>([&] { editor.saveKeyframes(folder / "poses.npz", 30); }),
-              (folder / "poses.npz").string() +
-                  ": expected keyframes to save, found none; set one first");
-    EXPECT_TRUE(folder.names().empty());
-    for (double time : {0., 10., 16.}) {
-        editor.setPose(bent(time / 10));
-        editor.setKeyframe(time);
+// ---- over a motion ------------------------------------------------------------------------------
+
+// A body that walks along x, turns, and bends its elbow.
+std::shared_ptr<const Motion> walk(size_t frames) {
+    Motion motion;
+    motion.name = "walk";
+    motion.fps = 24;
+    for (size_t i = 0; i < frames; ++i) {
+        Pose pose = bent(.01 * static_cast<double>(i));
+        pose.rotation[0] = {0, .05 * static_cast<double>(i), 0};
+        motion.theta.push_back(thetaOf(pose));
+        motion.trans.push_back(transOf(pose));
     }
-    editor.saveKeyframes(folder / "keys.npz", 24);
-    const Motion keys = readMotion(folder / "keys.npz");
-    ASSERT_EQ(keys.size(), 3u);
-    EXPECT_EQ(keys.fps, 24);
-    EXPECT_EQ(keys.betas, editor.betas());
-    for (size_t i = 0; i < 3; ++i) {
-        EXPECT_EQ(keys.theta[i], thetaOf(editor.keyframes()[i].pose));
-        EXPECT_EQ(keys.trans[i], transOf(editor.keyframes()[i].pose));
+    return std::make_shared<const Motion>(std::move(motion));
+}
+
+double turnOf(const Pose& a, const Pose& b, size_t joint) {
+    return glm::length(axisAngleOf(quaternionOf(a.rotation[joint]) *
+                                   glm::conjugate(quaternionOf(b.rotation[joint]))));
+}
+
+TEST(PoseEditor, WhatIsEditedOverAMotionIsStillThereWhenTheFrameComesAgain) {
+    PoseEditor editor(bent(0));
+    const auto motion = walk(60);
+    editor.openMotion(motion);
+    EXPECT_EQ(editor.pose(), motionPose(*motion, 0));
+    editor.goTo(20);
+    EXPECT_EQ(editor.pose(), motionPose(*motion, 20));
+    EXPECT_FALSE(editor.modified());
+    Pose edited = editor.pose();
+    edited.rotation[joint::kHead] = {.5, 0, 0};
+    edited.trans.y += .25;
+    editor.beginGesture("nod");
+    editor.setPose(edited);
+    editor.endGesture();
+    EXPECT_TRUE(editor.modified());
+    for (double time : {0., 59., 21., 20.}) editor.goTo(time);
+    EXPECT_EQ(editor.pose(), edited);
+
+    // The layer fades in and out and leaves alone what was not edited.
+    editor.setFade(8);
+    double before = .5;
+    for (int t = 20; t <= 28; ++t) {
+        const Pose pose = editor.poseAt(t), under = motionPose(*motion, t);
+        const double head = turnOf(pose, under, joint::kHead);
+        EXPECT_LE(head, before + 1e-12) << t;
+        EXPECT_NEAR(pose.trans.y - under.trans.y, .5 * head, .01) << t;
+        EXPECT_EQ(pose.rotation[joint::kLeftElbow], under.rotation[joint::kLeftElbow]) << t;
+        EXPECT_EQ(pose.rotation[0], under.rotation[0]) << t;
+        EXPECT_NEAR(turnOf(editor.poseAt(40 - t), motionPose(*motion, 40 - t), joint::kHead), head,
+                    1e-9);
+        before = head;
     }
+    EXPECT_NEAR(turnOf(editor.poseAt(24), motionPose(*motion, 24), joint::kHead), .25, .01);
+    for (double t : {0., 12., 28., 59.}) EXPECT_EQ(editor.poseAt(t), motionPose(*motion, t)) << t;
 
-    // 16 frames at 24 a second in 48 a second: 33 of them.
-    editor.saveSampled(folder / "sampled.npz", 24, 48);
-    const Motion sampled = readMotion(folder / "sampled.npz");
-    ASSERT_EQ(sampled.size(), 33u);
-    EXPECT_EQ(sampled.fps, 48);
-    EXPECT_EQ(sampled.theta[20], keys.theta[1]);
-    EXPECT_EQ(sampled.theta[32], keys.theta[2]);
-    EXPECT_EQ(sampled.theta[7], thetaOf(editor.poseAt(3.5)));
+    // A second key 4 frames on: from one to the other without a way back to the motion.
+    editor.goTo(24);
+    Pose second = motionPose(*motion, 24);
+    second.rotation[joint::kHead] = {.7, 0, 0};
+    editor.setPose(second);
+    before = .5;
+    for (double t : {21., 22., 23., 24.}) {
+        const double head = turnOf(editor.poseAt(t), motionPose(*motion, t), joint::kHead);
+        EXPECT_GT(head, before) << t;
+        before = head;
+    }
+    EXPECT_NEAR(before, .7, 1e-9);
+}
 
-    PoseEditor other;
-    other.loadKeyframes(folder / "keys.npz");
-    ASSERT_EQ(other.keyframes().size(), 3u);
-    EXPECT_EQ(other.keyframes()[2].time, 16);
-    EXPECT_EQ(thetaOf(other.keyframes()[1].pose), keys.theta[1]);
-    EXPECT_EQ(other.betas(), editor.betas());
-    other.undo();
-    EXPECT_TRUE(other.keyframes().empty());
-    EXPECT_EQ(other.betas(), Betas{});
-    other.loadKeyframes(folder / "sampled.npz");
-    EXPECT_EQ(other.keyframes().size(), 33u);
-    EXPECT_EQ(other.keyframes()[5].time, 5);
+TEST(PoseEditor, UndoGoesToTheFrameAndBringsAllBack) {
+    PoseEditor editor(bent(0), {1});
+    const auto first = walk(40), second = walk(30);
+    editor.openMotion(first);
+    editor.goTo(10);
+    Pose edited = editor.pose();
+    edited.rotation[joint::kNeck] = {0, .3, 0};
+    editor.setPose(edited, "turn neck");
+    editor.goTo(30);
+    editor.mirror();
+    const Pose mirroredPose = editor.pose();
+    editor.goTo(3);
+    editor.setBetas({2});
+    editor.openMotion(second);
+    EXPECT_TRUE(editor.keyframes().empty());
 
-    Npz arrays = readNpz(folder / "keys.npz");
-    arrays.set("key_times", Array::f64({3}, std::vector<double>{0, 8, 8}));
-    writeNpz(folder / "twice.npz", arrays, false);
-    EXPECT_EQ(messageOf<InputError>([&] { other.loadKeyframes(folder / "twice.npz"); }),
-              (folder / "twice.npz").string() +
-                  ": key_times: expected growing times up to 10000000 frames, found 8 in row 2");
-    EXPECT_EQ(other.keyframes().size(), 33u);
+    editor.undo();  // the motion
+    EXPECT_EQ(editor.motion(), first);
+    EXPECT_EQ(editor.keyframes().size(), 2u);
+    editor.goTo(7);
+    editor.undo();  // the shape has no frame
+    EXPECT_EQ(editor.betas(), Betas{1});
+    EXPECT_EQ(editor.time(), 7);
+    editor.undo();
+    EXPECT_EQ(editor.time(), 30);
+    EXPECT_EQ(editor.pose(), motionPose(*first, 30));
+    editor.undo();
+    EXPECT_EQ(editor.time(), 10);
+    EXPECT_EQ(editor.pose(), motionPose(*first, 10));
+    editor.undo();
+    EXPECT_EQ(editor.motion(), nullptr);
+    EXPECT_EQ(editor.pose(), bent(0));
+    EXPECT_FALSE(editor.canUndo());
+    for (int i = 0; i < 3; ++i) editor.redo();
+    EXPECT_EQ(editor.time(), 30);
+    EXPECT_EQ(editor.pose(), mirroredPose);
+    editor.goTo(10);
+    EXPECT_EQ(editor.pose(), edited);
+    editor.redo();
+    editor.redo();
+    EXPECT_EQ(editor.motion(), second);
+    EXPECT_EQ(editor.betas(), Betas{2});
+    EXPECT_FALSE(editor.canRedo());
+}
 
-    EXPECT_NE(messageOf<InputError>([&] {
-                  editor.saveSampled(folder / "x.npz", 30, 0);
-              }).find("fps: expected frames per second"),
-              std::string::npos);
-    editor.setKeyframe(9e6);
-    EXPECT_NE(messageOf<InputError>([&] {
-                  editor.saveSampled(folder / "x.npz", 1, 30);
-              }).find("expected at most"),
-              std::string::npos);
-    EXPECT_EQ(folder.names(), (std::vector<std::string>{"keys.npz", "sampled.npz", "twice.npz"}));
+TEST(PoseEditor, ResetsToTheMotion) {
+    PoseEditor editor(bent(0));
+    const auto motion = walk(40);
+    editor.openMotion(motion);
+    editor.goTo(10);
+    Pose edited = editor.pose();
+    edited.rotation[joint::kNeck] = edited.rotation[joint::kHead] = {0, .3, 0};
+    editor.setPose(edited);
+    editor.goTo(14);  // where the layer fades
+    EXPECT_NE(editor.pose(), motionPose(*motion, 14));
+    editor.resetJoint(joint::kNeck);
+    EXPECT_EQ(editor.pose().rotation[joint::kNeck], motionPose(*motion, 14).rotation[joint::kNeck]);
+    EXPECT_GT(turnOf(editor.pose(), motionPose(*motion, 14), joint::kHead), .01);
+    editor.resetPose();
+    EXPECT_EQ(editor.pose(), motionPose(*motion, 14));
+    editor.goTo(10);
+    EXPECT_EQ(editor.pose(), edited);
+}
+
+TEST(PoseEditor, KnowsWhatIsNotSaved) {
+    PoseEditor editor(bent(0));
+    EXPECT_FALSE(editor.modified());
+    editor.setPose(bent(1));
+    EXPECT_TRUE(editor.modified());
+    editor.undo();
+    EXPECT_FALSE(editor.modified());
+    editor.redo();
+    editor.markSaved();
+    EXPECT_FALSE(editor.modified());
+    editor.undo();
+    EXPECT_FALSE(editor.modified()) << "as at the beginning: there is nothing to lose";
+    editor.setBetas({1});
+    EXPECT_TRUE(editor.modified());
+    editor.markSaved();
+    editor.openMotion(walk(10));
+    editor.goTo(5);
+    EXPECT_TRUE(editor.modified()) << "the shape";
+    editor.resetBetas();
+    EXPECT_FALSE(editor.modified());
+    editor.setKeyframe(5);
+    EXPECT_TRUE(editor.modified());
+    editor.markSaved();
+    editor.goTo(2);
+    EXPECT_FALSE(editor.modified()) << "another frame is no edit";
+    editor.setFade(3);
+    EXPECT_TRUE(editor.modified());
+    // A training that goes on has another shape now, which is nobody's edit.
+    PoseEditor followed(bent(0), {1});
+    followed.setPose(bent(1));
+    followed.setOpenedBetas({2});
+    EXPECT_EQ(followed.betas(), Betas{2});
+    followed.undo();
+    EXPECT_EQ(followed.betas(), Betas{2});
+    EXPECT_FALSE(followed.modified());
+}
+
+// Whatever is done in whatever order, undoing all of it and doing it again ends where it was.
+TEST(PoseEditor, UndoAndRedoAreWholeWhateverWasDone) {
+    for (unsigned seed = 1; seed <= 20; ++seed) {
+        std::mt19937 random(seed);
+        const auto below = [&](int n) { return static_cast<int>(random() % unsigned(n)); };
+        PoseEditor editor(bent(0), {}, 10000);
+        std::vector<std::pair<Pose, size_t>> seen;  // after each step, at its time
+        std::vector<double> times;
+        for (int i = 0; i < 200; ++i) {
+            const size_t steps = editor.steps();
+            if (below(3) == 0) editor.goTo(below(40));
+            Pose pose = editor.pose();
+            pose.rotation[static_cast<size_t>(below(24))].x += .01 * (1 + below(50));
+            switch (below(9)) {
+                case 0:
+                    editor.openMotion(below(2) ? walk(40) : nullptr);
+                    break;
+                case 1:
+                    editor.setKeyframe(editor.time());
+                    break;
+                case 2:
+                    editor.removeKeyframe(editor.time());
+                    break;
+                case 3:
+                    editor.setBetas({static_cast<float>(below(100))});
+                    break;
+                case 4:
+                    editor.setFade(below(20));
+                    break;
+                case 5:
+                    editor.beginGesture("drag");
+                    editor.setPose(pose);
+                    if (below(2)) editor.cancelGesture();
+                    editor.endGesture();
+                    break;
+                default:
+                    editor.setPose(pose);
+            }
+            if (editor.steps() == steps) continue;
+            ASSERT_EQ(editor.steps(), steps + 1);
+            seen.emplace_back(editor.pose(), editor.keyframes().size());
+            times.push_back(editor.time());
+        }
+        const size_t steps = editor.steps();
+        ASSERT_EQ(seen.size(), steps);
+        for (size_t i = steps; i-- > 0;) {
+            editor.goTo(times[i]);
+            EXPECT_EQ(editor.pose(), seen[i].first) << "seed " << seed << " step " << i;
+            EXPECT_EQ(editor.keyframes().size(), seen[i].second);
+            editor.undo();
+        }
+        EXPECT_FALSE(editor.canUndo());
+        EXPECT_EQ(editor.pose(), bent(0));
+        for (size_t i = 0; i < steps; ++i) {
+            editor.redo();
+            editor.goTo(times[i]);
+            EXPECT_EQ(editor.pose(), seen[i].first) << "seed " << seed << " step " << i;
+        }
+        EXPECT_FALSE(editor.canRedo());
+    }
 }
 
 }  // namespace

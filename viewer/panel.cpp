@@ -1,4 +1,4 @@
-// The panel on the right, the timeline below, the figures in the corner.
+// The panel on the right.
 #include <imgui.h>
 
 #include <algorithm>
@@ -7,6 +7,7 @@
 
 #include "engine/error.h"
 #include "viewer/viewer.h"
+#include "viewer/widgets.h"
 
 namespace doppel {
 
@@ -39,10 +40,6 @@ bool choose(const char* label, const Choice (&choices)[N], int& value) {
     return changed;
 }
 
-bool slider(const char* label, double& value, double low, double high, const char* format) {
-    return ImGui::SliderScalar(label, ImGuiDataType_Double, &value, &low, &high, format);
-}
-
 std::string shown(const char* snakeCase) {
     std::string name = snakeCase;
     std::ranges::replace(name, '_', ' ');
@@ -50,14 +47,10 @@ std::string shown(const char* snakeCase) {
 }
 
 // A slider's drag is one gesture.
-void gestureOfItem(PoseEditor& editor, std::string_view name) {
+bool beginsGesture(PoseEditor& editor, std::string_view name) {
     if (ImGui::IsItemActivated()) editor.beginGesture(name);
+    return ImGui::IsItemActivated();
 }
-
-constexpr ImGuiWindowFlags kFixed = ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoResize |
-                                    ImGuiWindowFlags_NoCollapse | ImGuiWindowFlags_NoTitleBar |
-                                    ImGuiWindowFlags_NoBringToFrontOnFocus |
-                                    ImGuiWindowFlags_NoSavedSettings;
 
 }  // namespace
 
@@ -159,9 +152,9 @@ void Viewer::drawViewTab() {
     settings_.backdrop = static_cast<Backdrop>(backdrop);
     if (settings_.backdrop == Backdrop::Colour)
         ImGui::ColorEdit3("colour", settings_.colour.data(), ImGuiColorEditFlags_NoInputs);
-    if (settings_.backdrop == Backdrop::Capture && (!capture_ || !settings_.captureCamera))
-        ImGui::TextDisabled(capture_ ? "seen with the capture's camera only"
-                                     : "no capture is loaded");
+    if (settings_.backdrop == Backdrop::Capture && (!capture() || !settings_.captureCamera))
+        ImGui::TextDisabled(capture() ? "seen with the capture's camera only"
+                                      : "no capture is loaded");
 
     ImGui::Separator();
     if (ImGui::Button("frame all")) frameAll();
@@ -172,7 +165,7 @@ void Viewer::drawViewTab() {
     ImGui::SameLine();
     if (ImGui::Button("top")) lookFrom(orbit_.yaw, 1.55);
     ImGui::Checkbox("orthographic", &orbit_.orthographic);
-    if (motion_ && !motion_->cameras.empty()) {
+    if (motion() && !motion()->cameras.empty()) {
         ImGui::SameLine(150);
         ImGui::Checkbox("the capture's camera", &settings_.captureCamera);
     }
@@ -189,9 +182,9 @@ void Viewer::drawPoseTab() {
         if (!enabled) ImGui::EndDisabled();
         return pressed && enabled;
     };
-    if (button("undo", editor.canUndo())) editor.undo();
+    if (button("undo", editor.canUndo())) undo();
     ImGui::SameLine();
-    if (button("redo", editor.canRedo())) editor.redo();
+    if (button("redo", editor.canRedo())) redo();
     ImGui::SameLine();
     if (ImGui::Button("mirror")) editor.mirror();
     ImGui::SameLine();
@@ -204,6 +197,7 @@ void Viewer::drawPoseTab() {
     if (ImGui::Button("paste")) attempt([&] { editor.paste(window_.clipboard()); });
     ImGui::SameLine();
     ImGui::Checkbox("joint limits", &settings_.limits);
+    ImGui::Checkbox("balance over pinned feet", &settings_.balance);
 
     ImGui::Separator();
     ImGui::TextDisabled("degrees about the joint's own axes");
@@ -221,7 +215,7 @@ void Viewer::drawPoseTab() {
             const char* labels[] = {"x", "y", "z"};
             for (int axis = 0; axis < 3; ++axis) {
                 changed |= slider(labels[axis], degrees[axis], -180, 180, "%.1f");
-                gestureOfItem(editor, jointName(j));
+                if (beginsGesture(editor, jointName(j))) play(false);
                 ended |= ImGui::IsItemDeactivated();
             }
             if (changed) {
@@ -254,7 +248,7 @@ void Viewer::drawShapeTab() {
     bool changed = false, ended = false;
     for (size_t k = 0; k < betas.size(); ++k) {
         changed |= ImGui::SliderFloat(fmt::format("beta {}", k).c_str(), &betas[k], -4, 4, "%.2f");
-        gestureOfItem(editor, "shape");
+        beginsGesture(editor, "shape");
         ended |= ImGui::IsItemDeactivated();
     }
     if (changed) editor.setBetas(betas);
@@ -270,19 +264,18 @@ void Viewer::drawFilesTab() {
     ImGui::InputText("##path", pathText_.data(), pathText_.size());
     ImGui::PopItemWidth();
     if (ImGui::Button("open") && pathText_[0] != 0)
-        attempt([&] { openDropped(std::filesystem::path(pathText_.data())); });
-    if (motion_) {
+        attempt([&] { openFile(std::filesystem::path(pathText_.data())); });
+    if (motion()) {
         ImGui::SameLine();
-        if (ImGui::Button("close motion")) {
-            motion_.reset();
-            capture_.reset();
-            captureFrames_.reset();
-            settings_.captureCamera = false;
-            timeline_ = 0;
-            playing_ = false;
-        }
-        ImGui::TextWrapped("motion: %s, %d frames at %.4g fps", motion_->name.c_str(),
-                           static_cast<int>(motion_->size()), motion_->fps);
+        if (ImGui::Button("close motion"))
+            attempt([&] {
+                afterSaving("Closing the motion puts away what you edited, which is not saved.",
+                            [this] { closeMotion(); });
+            });
+    }
+    if (motion()) {
+        ImGui::TextWrapped("motion: %s, %d frames at %.4g fps", motion()->name.c_str(),
+                           static_cast<int>(motion()->size()), motion()->fps);
     }
     ImGui::Separator();
     ImGui::TextWrapped(
@@ -296,7 +289,7 @@ void Viewer::drawFilesTab() {
         attempt([&] { startFilm(freeName("doppel-frames", ""), 0); });
     if (ImGui::Button("glTF, .glb")) attempt([&] { startExport(freeName("doppel", ".glb")); });
     ImGui::SameLine();
-    if (ImGui::Button("poses, .npz")) attempt([&] { savePoses(freeName("poses", ".npz")); });
+    if (ImGui::Button("poses, .npz")) attempt([&] { save(); });
     ImGui::SameLine();
     if (ImGui::Button("picture")) attempt([&] { saveScreenshot(freeName("doppel", ".png")); });
     if (!free) ImGui::EndDisabled();
@@ -305,125 +298,6 @@ void Viewer::drawFilesTab() {
         if (ImGui::Button("give up")) cancelFilm();
     }
     if (export_) ImGui::TextDisabled("writing glTF ...");
-}
-
-void Viewer::drawTimeline() {
-    ImVec2 size = ImGui::GetIO().DisplaySize;
-    ImGui::SetNextWindowPos({0, size.y - kTimelineHeight});
-    ImGui::SetNextWindowSize({size.x, kTimelineHeight});
-    ImGui::Begin("timeline", nullptr, kFixed | ImGuiWindowFlags_NoScrollbar);
-    int64_t count = frameCount();
-    if (ImGui::Button(playing_ ? "pause" : " play ")) playing_ = !playing_ && count > 1;
-    ImGui::SameLine();
-    ImGui::Checkbox("loop", &loop_);
-    ImGui::SameLine();
-    ImGui::PushItemWidth(110);
-    slider("speed", speed_, 0.1, 4, "%.2f x");
-    ImGui::PopItemWidth();
-    ImGui::SameLine();
-    double now = std::floor(timeline_);
-    if (ImGui::Button("key here")) {
-        editor_->setKeyframe(now);
-        say(fmt::format("key at frame {:.0f}", now));
-    }
-    ImGui::SameLine();
-    if (std::ranges::count(editor_->keyframes(), now, &Keyframe::time) > 0) {
-        if (ImGui::Button("remove key")) editor_->removeKeyframe(now);
-        ImGui::SameLine();
-    }
-    if (count <= 1)
-        ImGui::TextDisabled("no motion: open one, or set keys at different frames");
-    else
-        ImGui::TextDisabled("%s", motion_ ? motion_->name.c_str() : "keyframes");
-
-    // Without a motion there is room to set keys in.
-    int last = static_cast<int>(motion_ ? count - 1 : std::max<int64_t>(count - 1, 120));
-    int frame = static_cast<int>(now);
-    ImGui::PushItemWidth(-1);
-    ImVec2 at = ImGui::GetCursorScreenPos();
-    float width = ImGui::GetContentRegionAvail().x;
-    if (ImGui::SliderInt("##frame", &frame, 0, std::max(last, 1), "frame %d")) {
-        playing_ = false;
-        timeline_ = std::clamp(frame, 0, last);
-        lastTouched_ = Clock::now();
-    }
-    ImGui::PopItemWidth();
-    for (const Keyframe& key : editor_->keyframes()) {
-        float x = at.x + width * static_cast<float>(key.time / std::max(last, 1));
-        ImGui::GetWindowDrawList()->AddTriangleFilled({x - 4, at.y - 5}, {x + 4, at.y - 5},
-                                                      {x, at.y + 1}, IM_COL32(255, 180, 60, 255));
-    }
-    ImGui::End();
-}
-
-void Viewer::drawStatus() {
-    ImDrawList& list = *ImGui::GetBackgroundDrawList();
-    auto text = [&](float x, float y, ImU32 colour, const std::string& words) {
-        list.AddText({x + 1, y + 1}, IM_COL32(0, 0, 0, 200), words.c_str());
-        list.AddText({x, y}, colour, words.c_str());
-    };
-    std::string figures = fmt::format("pose {:.0f} ms, picture {:.0f} ms, window {:.0f} ms",
-                                      times_.pose, times_.draw, times_.show);
-    if (interacting() && times_.fps > 0)
-        figures = fmt::format("{:.0f} fps: ", times_.fps) + figures;
-    bool painting = painter_->busy();
-    if (times_.paint > 0) figures += fmt::format(", texture {:.0f} ms", times_.paint);
-    if (settings_.figures) text(12, 10, IM_COL32(200, 205, 215, 220), figures);
-    if (painting && settings_.figures)
-        text(12, 26, IM_COL32(255, 200, 110, 255), "painting the texture ...");
-    if (film_)
-        text(12, 42, IM_COL32(255, 110, 110, 255),
-             fmt::format("drawing the film: {:.0f} %  (Escape gives up)", 100.0 * filmProgress()));
-    messageDrawn_ = messageVisible();
-    if (messageDrawn_)
-        text(12, 58, messageIsWrong_ ? IM_COL32(255, 120, 110, 255) : IM_COL32(160, 230, 160, 255),
-             message_);
-    if (settings_.figures && !settings_.help && pictures_ < 400 && !panes_.empty())
-        text(12, ImGui::GetIO().DisplaySize.y - kTimelineHeight - 22, IM_COL32(200, 205, 215, 160),
-             "H: help");
-}
-
-void Viewer::drawHelp() {
-    if (!settings_.help) return;
-    ImGui::SetNextWindowPos({40, 80}, ImGuiCond_Appearing);
-    ImGui::Begin("Help", &settings_.help,
-                 ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoSavedSettings);
-    const char* rows[][2] = {
-        {"drag a joint", "moves it, the limb follows"},
-        {"drag a ring", "turns the selected joint"},
-        {"left or middle drag", "orbit"},
-        {"right or Shift drag", "pan"},
-        {"wheel, Ctrl + middle drag", "nearer, farther; with Shift or sideways: pan"},
-        {"F, Home", "see all of it"},
-        {"1  3  7  (Shift: opposite)", "front, side, top"},
-        {"5", "orthographic"},
-        {"0", "the capture's camera"},
-        {"P", "pin the joint under the mouse, or let it go"},
-        {"R, Shift + R", "reset the joint, the whole pose"},
-        {"M", "mirror"},
-        {"Ctrl + Z, Ctrl + Shift + Z", "undo, redo"},
-        {"Ctrl + C, Ctrl + V", "copy, paste the pose as JSON"},
-        {"Space, left, right", "play, one frame back, on"},
-        {"K", "keyframe here"},
-        {"Ctrl + S", "save poses.npz"},
-        {"B", "side by side: meshes, textures, off"},
-        {"W  L  J", "wireframe, light, joints"},
-        {"N, Tab", "panel"},
-        {"F12", "save the picture"},
-        {"Escape", "give up a drag or a film, deselect"},
-        {"Ctrl + Q", "quit"},
-    };
-    if (ImGui::BeginTable("keys", 2)) {
-        for (const auto& row : rows) {
-            ImGui::TableNextRow();
-            ImGui::TableNextColumn();
-            ImGui::TextUnformatted(row[0]);
-            ImGui::TableNextColumn();
-            ImGui::TextDisabled("%s", row[1]);
-        }
-        ImGui::EndTable();
-    }
-    ImGui::End();
 }
 
 }  // namespace doppel

@@ -51,12 +51,12 @@ ViewTransform Viewer::view() const {
 }
 
 Camera Viewer::cameraOf(const Pane& pane) const {
-    if (!settings_.captureCamera || !motion_ || motion_->cameras.empty())
+    if (!settings_.captureCamera || !motion() || motion()->cameras.empty())
         return orbit_.camera(pane.width, pane.height);
     auto i = static_cast<size_t>(
         std::clamp<int64_t>(static_cast<int64_t>(timeline_), 0, frameCount() - 1));
     // The whole frame, as large as the pane allows.
-    const Camera& own = motion_->cameras[i];
+    const Camera& own = motion()->cameras[i];
     double scale = std::min(static_cast<double>(pane.width) / own.width,
                             static_cast<double>(pane.height) / own.height);
     return {own.fx * scale,
@@ -86,7 +86,7 @@ glm::dvec3 Viewer::jointOnScreen(size_t joint) const {
 }
 
 std::span<const uint32_t> Viewer::backgroundOf(const Pane& pane) {
-    bool frames = settings_.backdrop == Backdrop::Capture && capture_ && settings_.captureCamera;
+    bool frames = settings_.backdrop == Backdrop::Capture && capture() && settings_.captureCamera;
     bool picture = settings_.backdrop == Backdrop::Picture && !backdropPicture_.empty();
     std::array<uint8_t, 3> colour{};
     for (size_t c = 0; c < 3; ++c)
@@ -109,7 +109,7 @@ std::span<const uint32_t> Viewer::backgroundOf(const Pane& pane) {
             }
     };
     if (frames) {
-        std::shared_ptr<const Picture> own = captureFrames_->load(static_cast<size_t>(frame));
+        std::shared_ptr<const Picture> own = capture()->frames->load(static_cast<size_t>(frame));
         Image image(own->width, own->height, 3);
         image.data = own->rgb;
         double scale = std::min(static_cast<double>(pane.width) / own->width,

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <chrono>
+#include <deque>
 #include <filesystem>
+#include <functional>
 #include <future>
 #include <map>
 #include <memory>
@@ -15,13 +17,15 @@
 #include "engine/io/image.h"
 #include "trainer/data/frame_cache.h"
 #include "trainer/motion/motion.h"
-#include "viewer/ik.h"
 #include "viewer/live_avatar.h"
 #include "viewer/orbit_camera.h"
 #include "viewer/painter.h"
-#include "viewer/pose_editor.h"
+#include "viewer/pane.h"
+#include "viewer/pose/ik.h"
+#include "viewer/pose/pose_editor.h"
+#include "viewer/recovery.h"
 #include "viewer/scene.h"
-#include "viewer/window.h"
+#include "viewer/window/window.h"
 
 namespace doppel {
 
@@ -33,6 +37,8 @@ struct ViewerOptions {
     std::filesystem::path pose;      // a pose's JSON to begin with; may be empty
     std::string frames;              // of the motion: selectFrames; empty: all
     int width = 1280, height = 800;  // of the window
+    // Where what is not saved is kept for the next start (viewer/recovery.h); empty: nowhere.
+    std::filesystem::path state;
 };
 
 // What is compared side by side: to the left what is named first.
@@ -52,19 +58,14 @@ struct ViewSettings {
     Backdrop backdrop = Backdrop::Colour;
     std::array<float, 3> colour{0.20f, 0.22f, 0.25f};
     bool captureCamera = false;
-    bool joints = true, limits = true;
+    bool joints = true, limits = true, balance = true;
     bool panel = true, help = false;
     bool figures = true;  // of speed, in the corner
     bool operator==(const ViewSettings&) const = default;
 };
 
-// A part of the window that shows the avatar; framebuffer pixels.
-struct Pane {
-    int x = 0, y = 0, width = 0, height = 0;
-    MeshKind mesh = MeshKind::Refined;
-    TextureKind texture = TextureKind::Coarse;
-    bool operator==(const Pane&) const = default;
-};
+struct FilmJob;  // jobs.h
+struct ExportJob;
 
 class Viewer {
 public:
@@ -80,8 +81,8 @@ public:
     // the window is closed. Mistakes of the user, and files that cannot be written, are said in the
     // window; a device that fails is a MachineError.
     bool frame();
-    // Until the window is closed. Where the machine fails the pose is saved, and the message says
-    // where. each: called before every turn.
+    // Until the window is closed. Where the machine fails what was edited is kept, and the message
+    // says where. each: called before every turn.
     void run(const std::function<void()>& each = {});
 
     const Window& window() const { return window_; }
@@ -98,7 +99,13 @@ public:
     std::optional<size_t> selected() const { return selected_; }
     // Nothing is being computed, and the picture shows what is set, as fine as it becomes.
     bool settled() const;
-    const std::string& message() const { return message_; }
+    // The latest message; empty: none so far.
+    const std::string& message() const;
+    // What the window asks, with the answers that it offers; empty: nothing.
+    std::string question() const { return question_ ? question_->text : std::string(); }
+    std::vector<std::string> answers() const;
+    // As a click on the answer; CHECKs that it is offered.
+    void answer(const std::string& label);
     // Pictures of something else than the one before.
     uint64_t pictureCount() const { return pictures_; }
     // How many refinements the picture is the mean of, of kRefinements; 0: drawn while it moved.
@@ -114,8 +121,18 @@ public:
     const Times& times() const { return times_; }
 
     // What the panel's buttons do; InputError where it cannot be done.
+    //
+    // What is seen, as a poses.npz. The file is the session's from then on: Ctrl+S writes it again.
     void savePoses(const std::filesystem::path& path);
+    // The session's file, or one with a name that is free; asks before it overwrites what somebody
+    // else has written there since.
+    void save();
+    // A motion, or a take that the viewer saved. Undo brings back what there was.
     void loadMotion(const std::filesystem::path& path, const std::string& frames = {});
+    void closeMotion();
+    // Whatever a file is: a motion, a pose, a picture. Asks first where that would put away what
+    // is not saved.
+    void openFile(const std::filesystem::path& path);
     void loadPicture(const std::filesystem::path& path);
     void startFilm(const std::filesystem::path& out, int size);
     void startExport(const std::filesystem::path& out);
@@ -141,26 +158,77 @@ private:
         bool operator==(const Shown&) const = default;
     };
 
+    // A capture's pictures, as long as undo may come back to its motion.
+    struct OpenCapture {
+        std::weak_ptr<const Motion> motion;
+        Capture capture;
+        std::unique_ptr<FrameCache> frames;
+    };
+    // Where a motion came from, to be opened again by another process.
+    struct OpenedMotion {
+        std::weak_ptr<const Motion> motion;
+        std::filesystem::path path;
+        std::string frames;
+    };
+    struct Message {
+        std::string text;
+        bool wrong = false;
+        Clock::time_point since{};
+    };
+    // Asked in the middle of the window; nothing else is done until it is answered.
+    struct Answer {
+        std::string label;
+        std::function<void()> then;
+    };
+    struct Question {
+        std::string text;
+        std::vector<Answer> answers;  // Enter gives the first, Escape the last
+    };
+
     // viewer.cpp
     void useAvatar(std::shared_ptr<LoadedAvatar> avatar);
     void reloadIfChanged();
     void advanceTimeline();
     void showTime();
-    bool messageVisible() const;
+    void step(int frames);
+    // The last frame that the timeline shows: without a motion there is room to set keys in.
+    int64_t timelineEnd() const;
+    void followMotion();
+    void play(bool on);
+    bool messageVisible(const Message& message) const;
+    size_t visibleMessages() const;
     TextureKind bestTexture() const;
     bool paintsViews(TextureKind kind) const;
-    void advanceJobs();
-    void advanceFilm();
-    void openDropped(const std::filesystem::path& path);
     double fps() const;
     bool hasKeys() const;
     double lastKey() const;
-    void pastePose(const std::filesystem::path& path);
+    const Motion* motion() const { return editor_->motion().get(); }
+    const OpenCapture* capture() const;
     void say(std::string text, bool wrong = false);
     void attempt(const std::function<void()>& action);
     bool interacting() const;
-    Motion shownMotion() const;
+    void undo();
+    void redo();
+
+    // files.cpp
+    Take readForPlaying(const std::filesystem::path& path, const std::string& frames);
+    void askToOverwrite(const std::filesystem::path& path);
+    void pastePose(const std::filesystem::path& path);
+    void ask(Question question);
+    void askToLeave();
+    // Does it, once what is not saved is saved or given up.
+    void afterSaving(const std::string& what, std::function<void()> then);
+    void saveAs(const std::filesystem::path& path);
+    void keepSession(bool now);
+    std::string sessionNow() const;
+    void offerRecovery();
+    void recover(const std::string& text, const std::string& name);
     std::filesystem::path freeName(const std::string& stem, const std::string& extension) const;
+
+    // jobs.cpp
+    void advanceJobs();
+    void advanceFilm();
+    Motion shownMotion() const;
 
     // pictures.cpp
     void layOut();
@@ -179,6 +247,7 @@ private:
     void handleMouse();
     void beginJointDrag(size_t joint);
     void dragJoint();
+    void endDrag();
     void dragRing();
     void frameAll();
     void lookFrom(double yaw, double pitch);
@@ -199,6 +268,7 @@ private:
     void drawTimeline();
     void drawHelp();
     void drawStatus();
+    void drawQuestion();
     void drawViewTab();
     void drawPoseTab();
     void drawShapeTab();
@@ -240,12 +310,12 @@ private:
     uint64_t backdropVersion_ = 1;
     std::vector<uint32_t> background_;
     std::array<int64_t, 5> backgroundKey_{-1, -1, -1, -1, -1};
-    std::optional<Capture> capture_;
-    std::unique_ptr<FrameCache> captureFrames_;
+    std::vector<OpenCapture> captures_;
+    const Motion* motionSeen_ = nullptr;  // of the last turn; undo may bring another one
+    std::vector<OpenedMotion> motions_;
 
     // The timeline.
-    std::optional<Motion> motion_;
-    double timeline_ = 0, shownTime_ = -1;  // frames
+    double timeline_ = 0;  // frames
     bool playing_ = false, loop_ = true;
     double speed_ = 1;
     Clock::time_point lastTick_{};
@@ -258,18 +328,27 @@ private:
     std::set<size_t> pins_;
     Pose dragBegan_;
     glm::dvec3 dragPoint_{};
+    glm::dvec3 dragGoal_{};  // that was solved for last
     RingHit dragRing_{};
 
     // Long jobs.
-    struct FilmJob;
-    struct ExportJob;
     std::unique_ptr<FilmJob> film_;
     std::unique_ptr<ExportJob> export_;
     std::array<char, 512> pathText_{};
 
-    std::string message_;
-    bool messageIsWrong_ = false, messageDrawn_ = false;
-    Clock::time_point messageSince_{};
+    std::deque<Message> messages_;  // the latest at the back
+    size_t messagesDrawn_ = 0;
+
+    // What is not saved.
+    std::filesystem::path savedFile_;
+    std::filesystem::file_time_type savedTime_{};
+    std::optional<Question> question_;
+    bool questionOpen_ = false, mayClose_ = false;
+    Recovery recovery_;
+    uint64_t keptVersion_ = 0;  // of what is edited, as the session's file has it
+    Clock::time_point keptAt_{};
+    double keptSeconds_ = 0;  // that writing it took
+    bool keepingFailed_ = false;
 };
 
 }  // namespace doppel

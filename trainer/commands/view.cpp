@@ -48,6 +48,7 @@ const Command<ViewOptions> kView{{
         [](const ViewOptions& options) {
             ViewerOptions viewer = options.viewer;
             viewer.device = options.common.deviceOptions();
+            viewer.state = userStateFolder();
             Viewer(viewer).run();
         },
 }};

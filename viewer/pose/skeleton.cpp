@@ -1,4 +1,4 @@
-#include "viewer/skeleton.h"
+#include "viewer/pose/skeleton.h"
 
 #include <algorithm>
 #include <cmath>

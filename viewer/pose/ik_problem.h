@@ -1,21 +1,25 @@
-#include "viewer/ik.h"
+// What inverse kinematics minimises: distances of targets, turns of joints, limits, balance; with
+// its derivatives.
+#pragma once
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <span>
 #include <vector>
 
-#include "engine/error.h"
+#include "viewer/pose/balance.h"
+#include "viewer/pose/ik_target.h"
+#include "viewer/pose/skeleton.h"
 
 namespace doppel {
-
-namespace {
 
 // Resistance to a turn, m² per rad²: what a turn by one radian costs in squared distance from the
 // target. The ratios make the feel, a hand being moved by shoulder and elbow and the trunk
 // following only where these have no more to give; the size keeps targets within a centimetre
 // before the rounds of solve() close the rest.
-double resistanceOf(size_t joint) {
+inline double resistanceOf(size_t joint) {
     switch (joint) {
         case joint::kLeftElbow:
         case joint::kRightElbow:
@@ -43,7 +47,7 @@ double resistanceOf(size_t joint) {
 // metres, without. What a limb reaches alone leaves it still, and nothing jumps where it begins to
 // follow.
 constexpr double kStickingTurn = .06, kStickingPlace = .02;
-bool sticks(size_t joint) {
+inline bool sticks(size_t joint) {
     return joint == joint::kSpine1 || joint == joint::kSpine2 || joint == joint::kSpine3 ||
            joint == joint::kPelvis;
 }
@@ -54,32 +58,23 @@ constexpr double kDraggedPlace = 1e-6, kGivingPlace = .5;
 // Beyond this distance, metres, the pull of a target grows no more (Huber's loss): a cursor far
 // away stretches the body towards it as one just out of reach does.
 constexpr double kFarthestPull = .25;
-// A round adds at most so much to a target.
-constexpr double kFarthestShift = .03;
-// From round to round joints resist less.
-constexpr std::array<double, 4> kRounds = {.3, .03, .02, .02};
+// What a radian beyond a limit costs, m² per rad². It is never reached: what is left beyond is cut
+// off in the end, some hundred-thousandths of a radian.
+constexpr double kStop = 1e3;
 
-// What slips first goes so far, radians or metres; what is nearer than the other to where it sticks
-// is there.
-constexpr double kFirstSlip = .01, kAtRest = 1e-9;
+// What slips first goes so far, radians or metres.
+constexpr double kFirstSlip = .01;
 
-constexpr double kLeastGain = 1e-11;  // square metres, with which a step is worth another
-constexpr double kLongestTurn = .5;   // radians per step and number
+// Square metres that a square metre out of balance counts.
+constexpr double kBalance = 40;
+
 constexpr int kMostUnknowns = 3 + static_cast<int>(kThetaSize);
-// A straight limb does not know which way to give: its hinge is bent by so little first.
-// One that a capture bent backwards by less than this is put right when it is asked to give; by
-// more, it stays.
-constexpr double kFirstBend = .03, kBentBackwards = -.2;
-
 using Matrix =
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostUnknowns, kMostUnknowns>;
 using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMostUnknowns, 1>;
+using Jacobian = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMostUnknowns>;
 
-bool isFinite(const glm::dvec3& v) {
-    return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
-}
-
-glm::dvec3 shortened(const glm::dvec3& v, double length) {
+inline glm::dvec3 shortened(const glm::dvec3& v, double length) {
     const double found = glm::length(v);
     return found > length ? v * (length / found) : v;
 }
@@ -93,57 +88,27 @@ struct Mover {
     std::array<glm::dvec3, 3> axes;
 };
 
-class Solver {
-public:
-    Solver(const Skeleton& skeleton, const Pose& start, const Pose& began,
-           std::span<const IkTarget> targets, const IkOptions& options)
+// The terms of one drag, and the state that a search is in.
+class IkProblem {
+protected:
+    IkProblem(const Skeleton& skeleton, const Pose& began, std::span<const IkTarget> targets,
+              const IkOptions& options)
         : skeleton_(skeleton), options_(options), targets_(targets.begin(), targets.end()) {
         for (size_t j = 0; j < joint::kCount; ++j) {
             began_[j] = quaternionOf(began.rotation[j]);
-            now_.turn[j] = quaternionOf(start.rotation[j]);
-            beganRotation_[j] = began.rotation[j];
+            now_.turn[j] = began_[j];
         }
         beganTrans_ = began.trans;
-        now_.trans = start.trans;
-        startTurn_ = now_.turn;
+        now_.trans = began.trans;
         findMovers();
         place(now_);
+        findSupport(began);
         for (IkTarget& target : targets_) {
             if (!target.pinned && !carried_)
                 target.position = withinSight(target, skeleton.rest[0] + began.trans);
-            aims_.push_back(target.position);
         }
     }
 
-    bool moves() const { return unknowns_ > 0; }
-
-    void solve() {
-        if (farthest() < 1e-9 && displacement() < 1e-9) return;
-        bendStraightHinges();
-        for (double ease : kRounds) {
-            ease_ = ease;
-            descend();
-            if (farthest() < options_.tolerance) break;
-            for (size_t t = 0; t < targets_.size(); ++t)
-                aims_[t] += shortened(missing(t), kFarthestShift);
-        }
-        keepOrientations();
-    }
-
-    // The joints that were turned; all others are those of `start`.
-    Pose result(const Pose& start) const {
-        Pose pose = start;
-        for (const Mover& mover : movers_) {
-            if (mover.place) pose.trans = now_.trans;
-        }
-        for (size_t j = 0; j < joint::kCount; ++j)
-            if (now_.turn[j] != startTurn_[j])
-                pose.rotation[j] =
-                    now_.turn[j] == began_[j] ? beganRotation_[j] : axisAngleOf(now_.turn[j]);
-        return pose;
-    }
-
-private:
     struct State {
         std::array<glm::dquat, joint::kCount> turn;  // in the parent's frame
         glm::dvec3 trans;
@@ -202,6 +167,7 @@ private:
                                skeleton_.hangsOn(target.joint, joint::kRightHip);
             if (!target.pinned && !ofLeg) pelvisMoves |= legPinned && !pelvisPinned;
         }
+        leans_ = pelvisMoves && !pelvisDragged;
         pelvisMoves |= pelvisDragged;
         carried_ = pelvisDragged && !legPinned;
         for (const IkTarget& target : targets_) {
@@ -217,7 +183,11 @@ private:
         }
 
         const auto add = [&](size_t j, bool place, double resistance) {
-            const double sticking = place ? kStickingPlace : sticks(j) ? kStickingTurn : 0;
+            // Above pinned feet all of the body gives way from the first.
+            const double sticking = leans_      ? 0
+                                    : place     ? kStickingPlace
+                                    : sticks(j) ? kStickingTurn
+                                                : 0;
             Mover mover{j, place, unknowns_, 3, resistance, sticking, {}};
             mover.axes = {glm::dvec3(1, 0, 0), glm::dvec3(0, 1, 0), glm::dvec3(0, 0, 1)};
             if (!place && isHinge(j)) {
@@ -247,6 +217,24 @@ private:
             for (Mover& mover : movers_) mover.resistance *= 1e-3 / least;
     }
 
+    // What the centre of mass stays over, once something moves the body above pinned feet.
+    void findSupport(const Pose& began) {
+        if (!options_.balance || !leans_) return;
+        const PosedSkeleton posed = forwardKinematics(skeleton_, began);
+        for (const IkTarget& target : targets_)
+            if (target.pinned && (skeleton_.hangsOn(target.joint, joint::kLeftKnee) ||
+                                  skeleton_.hangsOn(target.joint, joint::kRightKnee)))
+                addFoot(posed, target.joint, support_);
+        // Whoever leant out before may go on to, so that nothing jumps when it is touched.
+        if (!support_.empty()) support_.push_back(fromAbove(centreOfMass(posed)));
+    }
+
+    glm::dvec3 massCentre(const State& state) const {
+        glm::dvec3 sum(0);
+        for (size_t j = 0; j < joint::kCount; ++j) sum += jointMasses()[j] * state.position[j];
+        return sum;
+    }
+
     glm::dvec3 missing(size_t t) const {
         return targets_[t].position - now_.position[targets_[t].joint];
     }
@@ -256,12 +244,6 @@ private:
             worst = std::max(worst, glm::length(missing(t)));
         return worst;
     }
-    double displacement() const {
-        double worst = 0;
-        for (const Mover& mover : movers_) worst = std::max(worst, glm::length(away(mover, now_)));
-        return worst;
-    }
-
     // How far a mover is from where the drag began, in its parent's frame.
     glm::dvec3 away(const Mover& mover, const State& state) const {
         if (mover.place) return state.trans - beganTrans_;
@@ -272,7 +254,8 @@ private:
     double cost(const State& state) const {
         double sum = 0;
         for (size_t t = 0; t < targets_.size(); ++t) {
-            const double far = glm::length(aims_[t] - state.position[targets_[t].joint]);
+            const double far =
+                glm::length(targets_[t].position - state.position[targets_[t].joint]);
             sum += targets_[t].weight * (far < kFarthestPull || targets_[t].pinned
                                              ? far * far
                                              : kFarthestPull * (2 * far - kFarthestPull));
@@ -281,6 +264,17 @@ private:
             const glm::dvec3 d = away(mover, state);
             sum +=
                 ease_ * mover.resistance * (glm::dot(d, d) + 2 * mover.sticking * glm::length(d));
+        }
+        if (options_.limits)
+            for (const Mover& mover : movers_) {
+                if (mover.place || mover.joint == joint::kPelvis) continue;
+                for (double by :
+                     beyondLimits(mover.joint, state.turn[mover.joint], began_[mover.joint]))
+                    if (by > 0) sum += kStop * by * by;
+            }
+        if (!support_.empty()) {
+            const glm::dvec2 out = wayOut(fromAbove(massCentre(state)), support_);
+            sum += kBalance * glm::dot(out, out);
         }
         return sum;
     }
@@ -296,14 +290,16 @@ private:
         return mover.place || parent < 0 ? axis : now_.global[static_cast<size_t>(parent)] * axis;
     }
 
-    // Half of the cost's second derivatives as Gauss and Newton take them, and of its gradient.
+    // Half of the cost's second derivatives and of its gradient. Those of a target's distance are
+    // whole, as Newton takes them: out of reach, where the distance stays, Gauss and Newton's share
+    // of them is so small that a search by it swings to and fro.
     void linearise(Matrix& hessian, Vector& descent) const {
         hessian.setZero(unknowns_, unknowns_);
         descent.setZero(unknowns_);
-        Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMostUnknowns> jacobian;
+        Jacobian jacobian;
         for (size_t t = 0; t < targets_.size(); ++t) {
             const size_t joint = targets_[t].joint;
-            const glm::dvec3 error = aims_[t] - now_.position[joint];
+            const glm::dvec3 error = targets_[t].position - now_.position[joint];
             double weight = targets_[t].weight;
             const double far = glm::length(error);
             if (!targets_[t].pinned && far > kFarthestPull) weight *= kFarthestPull / far;
@@ -317,10 +313,18 @@ private:
                     for (int c = 0; c < 3; ++c) jacobian(c, mover.first + k) = column[c];
                 }
             }
+            const Eigen::Vector3d pull(error.x, error.y, error.z);
+            if (!targets_[t].pinned && far > kFarthestPull) {
+                // Of the distance itself: along the pull it has no curve.
+                const Vector along = jacobian.transpose() * (pull / far);
+                hessian.noalias() -= weight * along * along.transpose();
+            }
             hessian.noalias() += weight * jacobian.transpose() * jacobian;
-            descent.noalias() +=
-                weight * jacobian.transpose() * Eigen::Vector3d(error.x, error.y, error.z);
+            descent.noalias() += weight * jacobian.transpose() * pull;
+            addCurves(hessian, jacobian, joint, weight * error);
         }
+        if (options_.limits) addLimits(hessian, descent);
+        if (!support_.empty()) addBalance(hessian, descent);
         for (const Mover& mover : movers_) {
             const glm::dvec3 d = away(mover, now_);
             const double resistance = ease_ * mover.resistance, far = glm::length(d);
@@ -358,6 +362,84 @@ private:
         }
     }
 
+    // The curves on which a joint moves when those above it turn: minus pull · d²p. Of two axes the
+    // one nearer to the pelvis turns the way that the other one leads to; of two of one joint, the
+    // mean of both orders.
+    void addCurves(Matrix& hessian, const Jacobian& jacobian, size_t joint,
+                   const glm::dvec3& pull) const {
+        const auto column = [&](int i) {
+            return glm::dvec3(jacobian(0, i), jacobian(1, i), jacobian(2, i));
+        };
+        for (const Mover& a : movers_) {
+            if (a.place || !skeleton_.hangsOn(joint, a.joint) || joint == a.joint) continue;
+            for (const Mover& b : movers_) {
+                if (b.place || b.joint < a.joint || !skeleton_.hangsOn(joint, b.joint)) continue;
+                for (int k = 0; k < a.count; ++k) {
+                    // pull · (a × c) = c · (pull × a)
+                    const glm::dvec3 across = glm::cross(pull, worldAxis(a, k));
+                    for (int l = 0; l < b.count; ++l) {
+                        const double curve = glm::dot(across, column(b.first + l));
+                        hessian(a.first + k, b.first + l) -= a.joint == b.joint ? curve / 2 : curve;
+                        hessian(b.first + l, a.first + k) -= a.joint == b.joint ? curve / 2 : curve;
+                    }
+                }
+            }
+        }
+    }
+
+    // How a limit grows with the unknowns of its joint.
+    Eigen::Vector3d limitSlope(const Mover& mover, size_t limit, double now) const {
+        constexpr double kDifference = 1e-6;
+        Eigen::Vector3d slope(0, 0, 0);
+        for (int k = 0; k < mover.count; ++k) {
+            const glm::dquat near = quaternionOf(kDifference * mover.axes[static_cast<size_t>(k)]) *
+                                    now_.turn[mover.joint];
+            slope[k] =
+                (beyondLimits(mover.joint, near, began_[mover.joint])[limit] - now) / kDifference;
+        }
+        return slope;
+    }
+
+    void addLimit(Matrix& hessian, Vector& descent, const Mover& mover, size_t limit,
+                  double now) const {
+        const Eigen::Vector3d slope = limitSlope(mover, limit, now);
+        for (int k = 0; k < mover.count; ++k) {
+            descent(mover.first + k) -= kStop * slope[k] * now;
+            for (int l = 0; l < mover.count; ++l)
+                hessian(mover.first + k, mover.first + l) += kStop * slope[k] * slope[l];
+        }
+    }
+
+    void addLimits(Matrix& hessian, Vector& descent) const {
+        for (const Mover& mover : movers_) {
+            if (mover.place || mover.joint == joint::kPelvis) continue;
+            const auto now = beyondLimits(mover.joint, now_.turn[mover.joint], began_[mover.joint]);
+            for (size_t limit = 0; limit < now.size(); ++limit)
+                if (now[limit] > 0) addLimit(hessian, descent, mover, limit, now[limit]);
+        }
+    }
+
+    void addBalance(Matrix& hessian, Vector& descent) const {
+        const glm::dvec2 out = wayOut(fromAbove(massCentre(now_)), support_);
+        const double far = glm::length(out);
+        if (far < 1e-9) return;
+        const glm::dvec3 away(out.x / far, 0, out.y / far);
+        Vector slope = Vector::Zero(unknowns_);
+        for (const Mover& mover : movers_) {
+            // The mass that hangs on it, times the way to its centre.
+            glm::dvec3 arm(0);
+            for (size_t j = mover.joint; j < joint::kCount; ++j)
+                if (skeleton_.hangsOn(j, mover.joint))
+                    arm += jointMasses()[j] * (now_.position[j] - now_.position[mover.joint]);
+            for (int k = 0; k < mover.count; ++k) {
+                const glm::dvec3 axis = worldAxis(mover, k);
+                slope(mover.first + k) = glm::dot(away, mover.place ? axis : glm::cross(axis, arm));
+            }
+        }
+        hessian.noalias() += kBalance * slope * slope.transpose();
+        descent.noalias() -= kBalance * far * slope;
+    }
+
     // Moves by delta.
     State moved(const Vector& delta) const {
         State state = now_;
@@ -373,168 +455,19 @@ private:
         return state;
     }
 
-    // The step for this damping, at limits along them: where it would pass one, the limit's
-    // direction is taken from the joint and the rest is solved again.
-    State step(const Matrix& hessian, const Vector& descent, double damping, double& size) const {
-        // Against second derivatives of a square metre per square radian.
-        constexpr double kStop = 1e4, kDifference = 1e-6;
-        Matrix matrix = hessian;
-        Vector right = descent;
-        for (int i = 0; i < unknowns_; ++i) matrix(i, i) += damping;
-        std::vector<std::array<bool, 3>> stopped(movers_.size(), {false, false, false});
-        State state;
-        for (int attempt = 0;; ++attempt) {
-            Vector delta = matrix.llt().solve(right);
-            const double longest = delta.cwiseAbs().maxCoeff();
-            if (longest > kLongestTurn) delta *= kLongestTurn / longest;
-            size = delta.cwiseAbs().maxCoeff();
-            state = moved(delta);
-            if (attempt == 3) break;
-            bool more = false;
-            for (size_t m = 0; m < movers_.size(); ++m) {
-                const Mover& mover = movers_[m];
-                const size_t j = mover.joint;
-                if (!options_.limits || mover.place || j == joint::kPelvis) continue;
-                const auto after = beyondLimits(j, state.turn[j], began_[j]);
-                for (size_t limit = 0; limit < after.size(); ++limit) {
-                    if (after[limit] < 1e-9 || stopped[m][limit]) continue;
-                    more = stopped[m][limit] = true;
-                    const double before = beyondLimits(j, now_.turn[j], began_[j])[limit];
-                    Eigen::Vector3d slope(0, 0, 0);
-                    for (int k = 0; k < mover.count; ++k) {
-                        const glm::dquat near =
-                            quaternionOf(kDifference * mover.axes[static_cast<size_t>(k)]) *
-                            now_.turn[j];
-                        slope[k] = (beyondLimits(j, near, began_[j])[limit] - before) / kDifference;
-                    }
-                    for (int k = 0; k < mover.count; ++k) {
-                        right(mover.first + k) -= kStop * slope[k] * before;
-                        for (int l = 0; l < mover.count; ++l)
-                            matrix(mover.first + k, mover.first + l) += kStop * slope[k] * slope[l];
-                    }
-                }
-            }
-            if (!more) break;
-        }
-        for (const Mover& mover : movers_) {
-            if (mover.place) continue;
-            state.turn[mover.joint] = limited(mover.joint, state.turn[mover.joint]);
-        }
-        place(state);
-        return state;
-    }
-
-    void descend() {
-        Matrix hessian;
-        Vector descent;
-        double value = cost(now_);
-        comeToRest(now_, value);
-        for (int i = 0; i < options_.steps; ++i) {
-            linearise(hessian, descent);
-            bool better = false;
-            double size = 0, gain = 0;
-            for (int attempt = 0; attempt < 6 && !better; ++attempt) {
-                const State next = step(hessian, descent, damping_, size);
-                const double found = cost(next);
-                better = found < value;
-                if (better) {
-                    gain = value - found;
-                    const State before = now_;
-                    now_ = next;
-                    value = found;
-                    comeToRest(before, value);
-                    damping_ = std::max(damping_ * .2, 1e-7);
-                } else {
-                    damping_ = std::min(damping_ * 8, 1e2);
-                }
-            }
-            if (!better || size < 1e-5 || gain < kLeastGain + 1e-7 * value) break;
-        }
-        damping_ = 1e-4;
-    }
-
-    // Movers that have come back nearly to where they stick, or past it, go there, where that costs
-    // less.
-    void comeToRest(const State& before, double& value) {
-        for (const Mover& mover : movers_) {
-            const double far = mover.sticking > 0 ? glm::length(away(mover, now_)) : 0;
-            if (far == 0) continue;
-            const bool past = glm::dot(away(mover, now_), away(mover, before)) < 0;
-            if (far > kFirstSlip && !past) continue;
-            State rest = now_;
-            if (mover.place)
-                rest.trans = beganTrans_;
-            else
-                rest.turn[mover.joint] = began_[mover.joint];
-            place(rest);
-            const double found = cost(rest);
-            if (found > value && far > kAtRest) continue;
-            now_ = rest;
-            value = found;
-        }
-    }
-
-    void bendStraightHinges() {
-        for (const Mover& mover : movers_) {
-            if (mover.count != 1) continue;
-            glm::dquat& turn = now_.turn[mover.joint];
-            const double flexion = bendOf(mover.joint, turn).flexion;
-            if (flexion >= kFirstBend || flexion < kBentBackwards) continue;
-            const double missing = kFirstBend - flexion;
-            turn = limited(mover.joint, quaternionOf(missing * mover.axes[0]) * turn);
-        }
-        place(now_);
-    }
-
-    void keepOrientations() {
-        for (const IkTarget& target : shakenPins_) {
-            const size_t j = target.joint;
-            // A joint that turns to bring another one to its target is not free.
-            const bool busy = std::any_of(movers_.begin(), movers_.end(),
-                                          [&](const Mover& m) { return m.joint == j; });
-            if (busy) continue;
-            const auto parent = static_cast<size_t>(skeleton_.parents[j]);
-            const glm::dquat kept =
-                glm::conjugate(now_.global[parent]) * glm::quat_cast(target.orientation);
-            now_.turn[j] = limited(j, glm::normalize(kept));
-        }
-    }
-
     const Skeleton& skeleton_;
     const IkOptions& options_;
     std::vector<IkTarget> targets_;
-    std::vector<glm::dvec3> aims_;  // targets and what was added to them
     std::vector<Mover> movers_;
     std::vector<IkTarget> shakenPins_;
-    std::array<glm::dquat, joint::kCount> began_, startTurn_;
-    std::array<glm::dvec3, joint::kCount> beganRotation_;
+    std::array<glm::dquat, joint::kCount> began_;
     glm::dvec3 beganTrans_;
     State now_;
     int unknowns_ = 0;
-    bool carried_ = false;  // the whole body goes where the pelvis is dragged
-    double damping_ = 1e-4, ease_ = 1;
+    std::vector<glm::dvec2> support_;  // seen from above; empty: no balance
+    bool leans_ = false;               // the body above pinned feet follows what is dragged
+    bool carried_ = false;             // the whole body goes where the pelvis is dragged
+    double ease_ = 1;
 };
-
-}  // namespace
-
-IkTarget pinnedAt(const PosedSkeleton& posed, size_t joint) {
-    CHECK(joint < joint::kCount, "joint {} is one of {}", joint, kJointCount);
-    return {joint, posed.position[joint], 100, true, posed.rotation[joint]};
-}
-
-Pose solveIk(const Skeleton& skeleton, const Pose& start, std::span<const IkTarget> targets,
-             const IkOptions& options) {
-    const Pose& began = options.began ? *options.began : start;
-    if (!isFinite(start) || !isFinite(began)) return start;
-    for (const IkTarget& target : targets) {
-        CHECK(target.joint < joint::kCount, "joint {} is one of {}", target.joint, kJointCount);
-        if (!isFinite(target.position) || !(target.weight > 0) || !std::isfinite(target.weight))
-            return start;
-    }
-    Solver solver(skeleton, start, began, targets, options);
-    if (!solver.moves()) return start;
-    solver.solve();
-    return solver.result(start);
-}
 
 }  // namespace doppel

@@ -1,7 +1,7 @@
 // A window: events, and pictures with Dear ImGui over them.
 //
-// It presents with a Vulkan device of its own (viewer/swapchain.h). The pictures come from the
-// compute device by way of the host, a megabyte or two per frame, and there Dear ImGui is drawn
+// It presents with a Vulkan device of its own (viewer/window/swapchain.h). The pictures come from
+// the compute device by way of the host, a megabyte or two per frame, and there Dear ImGui is drawn
 // over them: so whatever happens to the window (another screen, a lost swapchain) the networks do
 // not notice, and the compute device needs no surface.
 #pragma once
@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "viewer/canvas.h"
+#include "viewer/window/canvas.h"
 
 namespace doppel {
 
@@ -56,6 +56,8 @@ public:
 
     bool closed() const;
     void close();
+    // Takes back that it was closed.
+    void keepOpen();
     // Whether the last begin() took an event that the interface may answer.
     bool touched() const;
     // Framebuffer pixels as of the last begin(); 0 while minimised.

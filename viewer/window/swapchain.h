@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "engine/vulkan.h"
-#include "viewer/canvas.h"
+#include "viewer/window/canvas.h"
 
 namespace doppel {
 

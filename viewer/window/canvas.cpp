@@ -1,4 +1,4 @@
-#include "viewer/canvas.h"
+#include "viewer/window/canvas.h"
 
 #include <imgui.h>
 

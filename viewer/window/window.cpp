@@ -1,7 +1,7 @@
-#include "viewer/window.h"
+#include "viewer/window/window.h"
 
 // GLFW declares its Vulkan functions where Vulkan came first.
-#include "viewer/swapchain.h"
+#include "viewer/window/swapchain.h"
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
 #include <backends/imgui_impl_glfw.h>
@@ -216,6 +216,7 @@ void Window::end(std::span<const PlacedPicture> pictures) {
 
 bool Window::closed() const { return glfwWindowShouldClose(parts_->window); }
 void Window::close() { glfwSetWindowShouldClose(parts_->window, GLFW_TRUE); }
+void Window::keepOpen() { glfwSetWindowShouldClose(parts_->window, GLFW_FALSE); }
 
 bool Window::touched() const { return parts_->touched; }
 int Window::width() const { return parts_->wide; }

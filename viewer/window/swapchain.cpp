@@ -1,4 +1,4 @@
-#include "viewer/swapchain.h"
+#include "viewer/window/swapchain.h"
 
 #include <algorithm>
 #include <optional>

@@ -1,0 +1,206 @@
+// Takes and sessions as files.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+
+#include "engine/error.h"
+#include "engine/files/npz.h"
+#include "tests/files.h"
+#include "trainer/motion/motion.h"
+#include "viewer/pose/pose_editor.h"
+#include "viewer/pose/pose_text.h"
+
+namespace doppel {
+namespace {
+
+using test::Folder;
+using test::messageOf;
+
+Pose bent(double angle) {
+    Pose pose;
+    pose.rotation[joint::kLeftElbow] = {0, -angle, 0};
+    pose.trans = {angle, 0, 0};
+    return pose;
+}
+
+// A body that walks along x, turns, and bends its elbow.
+std::shared_ptr<const Motion> walk(size_t frames) {
+    Motion motion;
+    motion.name = "walk";
+    motion.fps = 24;
+    for (size_t i = 0; i < frames; ++i) {
+        Pose pose = bent(.01 * static_cast<double>(i));
+        pose.rotation[0] = {0, .05 * static_cast<double>(i), 0};
+        motion.theta.push_back(thetaOf(pose));
+        motion.trans.push_back(transOf(pose));
+    }
+    return std::make_shared<const Motion>(std::move(motion));
+}
+
+double turnOf(const Pose& a, const Pose& b, size_t joint) {
+    return glm::length(axisAngleOf(quaternionOf(a.rotation[joint]) *
+                                   glm::conjugate(quaternionOf(b.rotation[joint]))));
+}
+
+TEST(Take, KeysAloneAreReadBack) {
+    Folder folder;
+    PoseEditor editor({}, {.5f, -1});
+    for (double time : {0., 10., 16.}) {
+        editor.goTo(time);
+        editor.setPose(bent(time / 10));
+        editor.setKeyframe(time);
+    }
+    writeTake(folder / "keys.npz", editor.take(), 24);
+    const Motion keys = readMotion(folder / "keys.npz");
+    ASSERT_EQ(keys.size(), 3u);
+    EXPECT_EQ(keys.fps, 24);
+    EXPECT_EQ(keys.betas, editor.betas());
+    for (size_t i = 0; i < 3; ++i) {
+        EXPECT_EQ(keys.theta[i], thetaOf(editor.keyframes()[i].pose));
+        EXPECT_EQ(keys.trans[i], transOf(editor.keyframes()[i].pose));
+    }
+    const std::optional<Take> take = readTake(folder / "keys.npz");
+    ASSERT_TRUE(take);
+    EXPECT_EQ(take->motion, nullptr);
+    PoseEditor other;
+    other.openTake(*take, 10, "open keys");
+    ASSERT_EQ(other.keyframes().size(), 3u);
+    EXPECT_EQ(other.keyframes()[2].time, 16);
+    EXPECT_EQ(thetaOf(other.pose()), keys.theta[1]);
+    EXPECT_EQ(other.betas(), editor.betas());
+    other.undo();
+    EXPECT_TRUE(other.keyframes().empty());
+    EXPECT_EQ(other.betas(), Betas{});
+    EXPECT_EQ(other.time(), 0);
+}
+
+TEST(Take, ALayerIsSavedAsItIsSeenAndReadBackAsKeys) {
+    Folder folder;
+    PoseEditor editor({}, {.5f, -1});
+    const auto motion = walk(30);
+    editor.openMotion(motion);
+    editor.setFade(5);
+    for (double time : {4., 20.}) {
+        editor.goTo(time);
+        Pose pose = editor.pose();
+        pose.rotation[joint::kHead] = {.4, 0, 0};
+        editor.setPose(pose);
+    }
+    writeTake(folder / "poses.npz", editor.take(), 24);
+    const Motion seen = readMotion(folder / "poses.npz");
+    ASSERT_EQ(seen.size(), 30u);
+    EXPECT_EQ(seen.fps, 24);
+    for (size_t i = 0; i < 30; ++i) {
+        EXPECT_EQ(seen.theta[i], thetaOf(editor.poseAt(double(i)))) << i;
+        EXPECT_EQ(seen.trans[i], transOf(editor.poseAt(double(i)))) << i;
+    }
+    EXPECT_EQ(seen.theta[12], motion->theta[12]) << "beyond the fades";
+    const std::optional<Take> take = readTake(folder / "poses.npz");
+    ASSERT_TRUE(take && take->motion);
+    EXPECT_EQ(take->motion->theta, motion->theta);
+    EXPECT_EQ(take->motion->trans, motion->trans);
+    EXPECT_EQ(take->fade, 5);
+    EXPECT_EQ(take->betas, editor.betas());
+    ASSERT_EQ(take->keys.size(), 2u);
+    EXPECT_EQ(take->keys[1].time, 20);
+    for (double t : {3., 4., 6., 20., 23.})
+        EXPECT_LT(turnOf(poseAt(*take, t), editor.poseAt(t), joint::kHead), 1e-6) << t;
+
+    // Without keys it is a motion like any other; one pose is one, too.
+    editor.clearKeyframes();
+    writeTake(folder / "motion.npz", editor.take(), 24);
+    EXPECT_FALSE(readTake(folder / "motion.npz"));
+    EXPECT_EQ(readMotion(folder / "motion.npz").theta, motion->theta);
+    writeTake(folder / "pose.npz", PoseEditor(bent(1)).take(), 24);
+    EXPECT_EQ(readMotion(folder / "pose.npz").size(), 1u);
+}
+
+TEST(Take, RefusesFilesThatAreWrong) {
+    Folder folder;
+    PoseEditor editor;
+    editor.openMotion(walk(6));
+    for (double time : {1., 3., 5.}) {
+        editor.goTo(time);
+        editor.setKeyframe(time);
+    }
+    writeTake(folder / "good.npz", editor.take(), 30);
+    const std::string file = (folder / "bad.npz").string();
+    const auto refusal = [&](const std::function<void(Npz&)>& spoil) {
+        Npz arrays = readNpz(folder / "good.npz");
+        spoil(arrays);
+        writeNpz(file, arrays, false);
+        return messageOf<InputError>([&] { readTake(file); });
+    };
+    EXPECT_EQ(refusal([](Npz& a) {
+                  a.set("key_times", Array::f64({3}, std::vector<double>{0, 8, 8}));
+              }),
+              file + ": key_times: expected growing times up to 10000000 frames, found 8 in row 2");
+    EXPECT_NE(refusal([](Npz& a) {
+                  a.set("key_times", Array::f64({2}, std::vector<double>{0, 8}));
+              }).find("key_global_orient"),
+              std::string::npos);
+    EXPECT_EQ(refusal([](Npz& a) { a.set("key_fade", Array::scalarF64(-1)); }),
+              file + ": key_fade: expected 0 to 1000 frames, found -1");
+    EXPECT_NE(refusal([](Npz& a) { a.remove("motion_transl"); }).find("motion_transl"),
+              std::string::npos);
+    EXPECT_NE(refusal([](Npz& a) {
+                  std::vector<float> wild(9, std::numeric_limits<float>::infinity());
+                  a.set("key_transl", Array::f32({3, 3}, wild));
+              }).find(file + ": key_transl"),
+              std::string::npos);
+    EXPECT_NE(messageOf<InputError>([&] {
+                  writeTake(file, editor.take(), 0);
+              }).find("fps: expected frames per second"),
+              std::string::npos);
+}
+
+TEST(Session, SaysAllThatWasEdited) {
+    Session session;
+    session.avatar = "/home/me/avatar";
+    session.motion = "/home/me/box";
+    session.frames = "0:50";
+    session.when = "2024-05-06 07:08";
+    session.time = 7;
+    session.take.fade = 3;
+    session.take.betas = {.5f, -1};
+    session.take.pose = bent(1. / 3);
+    session.take.keys = {{2, bent(.1)}, {7, bent(1e-9)}};
+    const Session read = readSessionText(sessionText(session), "here");
+    EXPECT_EQ(read.avatar, session.avatar);
+    EXPECT_EQ(read.motion, session.motion);
+    EXPECT_EQ(read.frames, session.frames);
+    EXPECT_EQ(read.when, session.when);
+    EXPECT_EQ(read.time, 7);
+    EXPECT_EQ(read.take.fade, 3);
+    EXPECT_EQ(read.take.betas, session.take.betas);
+    EXPECT_EQ(read.take.pose, session.take.pose);
+    EXPECT_EQ(read.take.keys, session.take.keys);
+
+    for (const auto& [text, sentence] : std::vector<std::pair<std::string, std::string>>{
+             {"", "here: expected a session as JSON, found an error at byte 1"},
+             {"{}", "here: expected a session, {\"doppel_session\": 1, …}, found another object"},
+             {"{\"doppel_session\":1}", "here: avatar: it is missing"}})
+        EXPECT_EQ(messageOf<InputError>([&] { readSessionText(text, "here"); }), sentence);
+    const std::string good = sessionText(session);
+    const auto spoilt = [&](const std::string& what, const std::string& by) {
+        std::string text = good;
+        const size_t at = text.find(what);
+        EXPECT_NE(at, std::string::npos) << what;
+        text.replace(at, what.size(), by);
+        return messageOf<InputError>([&] { readSessionText(text, "here"); });
+    };
+    EXPECT_EQ(spoilt("\"time\":7.0,\"trans\"", "\"time\":1.0,\"trans\""),
+              "here: keys: 1: time: expected growing times, found 1 after 2");
+    EXPECT_EQ(spoilt("\"fade\":3.0", "\"fade\":-3.0"),
+              "here: fade: expected a number from 0 to 1000, found -3.0");
+    EXPECT_EQ(spoilt("\"avatar\":\"", "\"avatar\":7,\"a\":\""),
+              "here: avatar: expected at most 4096 bytes of text, found 7");
+    // Cut anywhere it is refused and nothing else happens.
+    for (size_t length = 0; length < good.size(); length += 7)
+        EXPECT_THROW(readSessionText(good.substr(0, length), "here"), InputError) << length;
+}
+
+}  // namespace
+}  // namespace doppel

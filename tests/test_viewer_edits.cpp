@@ -1,0 +1,304 @@
+// Nothing that was edited is lost: keys over a motion, undo, saving, closing, and a killed window.
+#include <sys/wait.h>
+
+#include "tests/viewer_test.h"
+
+namespace doppel::test {
+namespace {
+
+class EditsTest : public ViewerTest {
+protected:
+    // Files without a name of their own go there.
+    void SetUp() override {
+        ViewerTest::SetUp();
+        here_ = fs::current_path();
+        fs::create_directories(*folder_ / "work");
+        fs::current_path(*folder_ / "work");
+    }
+    void TearDown() override {
+        viewer_.reset();
+        fs::current_path(here_);
+        for (const char* name : {"work", "state"}) fs::remove_all(*folder_ / name);
+        ViewerTest::TearDown();
+    }
+    Viewer& openMotion(size_t frames = 30) {
+        Motion motion = turningMotion(frames);
+        fs::path poses = *folder_ / "motion.npz";
+        writeNpz(poses, posesArrays(motion.theta, motion.trans, {}), false);
+        ViewerOptions options;
+        options.motion = poses;
+        return open(options);
+    }
+    void press(const std::string& key, int times = 1) {
+        for (int i = 0; i < times; ++i) {
+            screen_->key(key);
+            turn(2);
+        }
+        settle();
+    }
+    // Lifts the left wrist by so many pixels.
+    void lift(double pixels) {
+        glm::dvec2 from = at(joint::kLeftWrist);
+        drag(from, from - glm::dvec2(0, pixels));
+    }
+
+    fs::path here_;
+};
+
+TEST_F(EditsTest, WhatIsEditedOverAMotionStays) {
+    Viewer& viewer = openMotion();
+    const Motion& motion = *viewer.editor().motion();
+    press("Right", 4);
+    ASSERT_EQ(viewer.timeline(), 4);
+    EXPECT_EQ(viewer.editor().pose(), motionPose(motion, 4));
+    lift(50);
+    Pose edited = viewer.editor().pose();
+    ASSERT_NE(edited, motionPose(motion, 4));
+    ASSERT_EQ(viewer.editor().keyframes().size(), 1u);
+    EXPECT_EQ(viewer.editor().keyframes()[0].time, 4);
+    press("Right");
+    EXPECT_NE(viewer.editor().pose(), motionPose(motion, 5)) << "it fades out";
+    press("Right", 15);
+    EXPECT_EQ(viewer.editor().pose(), motionPose(motion, 20)) << "beyond it the motion's own";
+    lift(30);
+    Pose second = viewer.editor().pose();
+    press("Left", 16);
+    EXPECT_EQ(viewer.editor().pose(), edited);
+
+    // Undo goes to the frame where it was done.
+    keyWith("Control_L", "z");
+    EXPECT_EQ(viewer.timeline(), 20);
+    EXPECT_EQ(viewer.editor().pose(), motionPose(motion, 20));
+    EXPECT_EQ(viewer.editor().keyframes().size(), 1u);
+    keyWith("Control_L", "z");
+    EXPECT_EQ(viewer.timeline(), 4);
+    EXPECT_EQ(viewer.editor().pose(), motionPose(motion, 4));
+    EXPECT_FALSE(viewer.editor().modified());
+    keyWith("Control_L", "y");
+    EXPECT_EQ(viewer.editor().pose(), edited);
+    keyWith("Control_L", "y");
+    EXPECT_EQ(viewer.timeline(), 20);
+    EXPECT_EQ(viewer.editor().pose(), second);
+}
+
+TEST_F(EditsTest, SavesWhatIsSeenAndAsksBeforeItOverwrites) {
+    Viewer& viewer = openMotion();
+    press("Right", 4);
+    lift(50);
+    keyWith("Control_L", "s");
+    const fs::path file = *folder_ / "work" / "poses-1.npz";
+    ASSERT_TRUE(fs::exists(file)) << viewer.message();
+    EXPECT_FALSE(viewer.editor().modified());
+    Motion saved = readMotion(file);
+    ASSERT_EQ(saved.size(), 30u);
+    for (size_t i : {0, 3, 4, 9, 29})
+        EXPECT_EQ(saved.theta[i], thetaOf(viewer.editor().poseAt(double(i)))) << i;
+
+    // The same file again, which is this window's.
+    lift(20);
+    keyWith("Control_L", "s");
+    EXPECT_EQ(viewer.question(), "");
+    EXPECT_FALSE(fs::exists(*folder_ / "work" / "poses-2.npz"));
+    EXPECT_NE(readMotion(file).theta[4], saved.theta[4]);
+
+    // Somebody else has written it since.
+    lift(-20);
+    fs::last_write_time(file, fs::last_write_time(file) + std::chrono::seconds(5));
+    std::string theirs = bytesOf(file);
+    keyWith("Control_L", "s");
+    EXPECT_NE(viewer.question().find("poses-1.npz is there already"), std::string::npos);
+    EXPECT_EQ(viewer.answers(),
+              (std::vector<std::string>{"Overwrite it", "Save beside it", "Cancel"}));
+    press("Escape");
+    EXPECT_EQ(viewer.question(), "");
+    EXPECT_EQ(bytesOf(file), theirs);
+    EXPECT_TRUE(viewer.editor().modified());
+    keyWith("Control_L", "s");
+    viewer.answer("Save beside it");
+    settle();
+    EXPECT_EQ(bytesOf(file), theirs);
+    EXPECT_TRUE(fs::exists(*folder_ / "work" / "poses-1-1.npz")) << viewer.message();
+    EXPECT_FALSE(viewer.editor().modified());
+
+    // It is read back as a motion with a key over it.
+    const Pose edited = viewer.editor().poseAt(4);
+    viewer.loadMotion("poses-1-1.npz");
+    settle();
+    ASSERT_EQ(viewer.editor().keyframes().size(), 1u);
+    EXPECT_EQ(thetaOf(viewer.editor().poseAt(4)), thetaOf(edited));
+    EXPECT_EQ(viewer.editor().motion()->theta, readMotion(*folder_ / "motion.npz").theta);
+    EXPECT_FALSE(viewer.editor().modified());
+}
+
+TEST_F(EditsTest, ClosingAsksForWhatIsNotSaved) {
+    {
+        Viewer& viewer = open();
+        screen_->keyDown("Control_L");
+        screen_->key("q");
+        screen_->keyUp("Control_L");
+        await("an unchanged window to close", [&] { return !viewer.frame(); });
+    }
+    Viewer& viewer = open();
+    lift(40);
+    keyWith("Control_L", "q");
+    ASSERT_FALSE(viewer.window().closed());
+    EXPECT_EQ(viewer.question(), "What you edited is not saved.");
+    EXPECT_EQ(viewer.answers(), (std::vector<std::string>{"Save", "Do not save", "Cancel"}));
+    // Under the question nothing else is done.
+    Pose edited = viewer.editor().pose();
+    double yaw = viewer.camera().yaw;
+    drag({40, 300}, {90, 300}, 2);
+    press("m");
+    EXPECT_EQ(viewer.camera().yaw, yaw);
+    EXPECT_EQ(viewer.editor().pose(), edited);
+    press("Escape");
+    EXPECT_EQ(viewer.question(), "");
+    drag({40, 300}, {90, 300}, 2);
+    EXPECT_NE(viewer.camera().yaw, yaw) << "the window goes on";
+
+    viewer.window().close();  // as by its own button
+    settle();
+    ASSERT_NE(viewer.question(), "");
+    screen_->key("Return");
+    await("the window to save and close", [&] { return !viewer.frame(); });
+    EXPECT_EQ(thetaOf(edited), readMotion(*folder_ / "work" / "poses-1.npz").theta[0]);
+}
+
+TEST_F(EditsTest, OpeningAMotionAsksForWhatIsNotSaved) {
+    Viewer& viewer = openMotion();
+    press("Right", 4);
+    lift(40);
+    viewer.openFile(*folder_ / "motion.npz");
+    settle();
+    ASSERT_NE(viewer.question(), "");
+    viewer.answer("Cancel");
+    settle();
+    EXPECT_EQ(viewer.editor().keyframes().size(), 1u);
+    viewer.openFile(*folder_ / "motion.npz");
+    settle();
+    viewer.answer("Do not save");
+    settle();
+    EXPECT_TRUE(viewer.editor().keyframes().empty());
+    keyWith("Control_L", "z");
+    EXPECT_EQ(viewer.editor().keyframes().size(), 1u) << "undo brings it back all the same";
+}
+
+// A window of its own process, ended by force; the next one of the same avatar offers what it had.
+TEST_F(EditsTest, AKilledWindowsWorkIsOfferedAgain) {
+    const fs::path program = fs::read_symlink("/proc/self/exe").parent_path() / "doppel";
+    const fs::path sessions = *folder_ / "state" / "doppel" / "sessions";
+    const std::string avatar = (*folder_ / "avatar").string();
+    const auto files = [&] {
+        int count = 0;
+        std::error_code none;
+        for (const auto& entry : fs::directory_iterator(sessions, none))
+            count += entry.path().extension() == ".json";
+        return count;
+    };
+    ViewerOptions options;
+    options.state = *folder_ / "state" / "doppel";
+    const std::string display = getenv("DISPLAY");
+    for (bool byDisplay : {false, true}) {
+        pid_t child = 0;
+        {
+            Screen other(600, 500);
+            child = fork();
+            if (child == 0) {
+                setenv("XDG_STATE_HOME", (*folder_ / "state").string().c_str(), 1);
+                execl(program.c_str(), program.c_str(), "view", avatar.c_str(), "--size", "600x500",
+                      nullptr);
+                _exit(127);
+            }
+            other.move(200, 200);
+            // A key of the timeline is work.
+            await("the other window to keep its session", [&] {
+                other.key("k");
+                std::this_thread::sleep_for(std::chrono::milliseconds(100));
+                return files() == 1 || waitpid(child, nullptr, WNOHANG) != 0;
+            });
+            ASSERT_EQ(files(), 1);
+            setenv("DISPLAY", display.c_str(), 1);
+            if (!byDisplay) {
+                // While it lives it is nobody else's.
+                EXPECT_EQ(open(options).question(), "");
+                viewer_.reset();
+                kill(child, SIGKILL);
+            }
+        }
+        if (byDisplay) {
+            await("the window to end with its display",
+                  [&] { return waitpid(child, nullptr, WNOHANG) == child; });
+        } else {
+            waitpid(child, nullptr, 0);
+        }
+        EXPECT_EQ(files(), 1);
+
+        ASSERT_NE(open(options).question().find("one key"), std::string::npos);
+        EXPECT_EQ(viewer_->answers(),
+                  (std::vector<std::string>{"Bring it back", "Throw it away", "Not now"}));
+        press("Escape");
+        EXPECT_TRUE(viewer_->editor().keyframes().empty());
+        viewer_.reset();
+        EXPECT_EQ(files(), 1);
+        Viewer& viewer = open(options);
+        if (byDisplay) {
+            viewer.answer("Throw it away");
+            settle();
+            EXPECT_EQ(files(), 0);
+            continue;
+        }
+        press("Return");
+        EXPECT_EQ(viewer.editor().keyframes().size(), 1u);
+        EXPECT_TRUE(viewer.editor().modified());
+        EXPECT_EQ(files(), 1) << "it is this window's now";
+        keyWith("Control_L", "z");
+        EXPECT_TRUE(viewer.editor().keyframes().empty());
+        keyWith("Control_L", "y");
+        keyWith("Control_L", "s");
+        EXPECT_EQ(files(), 0) << "what is saved needs no keeping";
+        viewer_.reset();
+        EXPECT_EQ(open(options).question(), "");
+        viewer_.reset();
+    }
+}
+
+TEST_F(EditsTest, ASessionComesBackWithItsMotionAndShape) {
+    Motion motion = turningMotion(12);
+    fs::path poses = *folder_ / "motion.npz";
+    writeNpz(poses, posesArrays(motion.theta, motion.trans, {}), false);
+    ViewerOptions options;
+    options.motion = poses;
+    options.state = *folder_ / "state";
+    open(options);
+    press("Right", 3);
+    lift(40);
+    viewer_->editor().setBetas({1, 2, 3});
+    settle();
+    const Take before = viewer_->editor().take();
+    viewer_.reset();  // without a question asked, as where an error ends it
+
+    options.motion.clear();
+    open(options);
+    ASSERT_NE(viewer_->question(), "");
+    press("Return");
+    const Take after = viewer_->editor().take();
+    EXPECT_EQ(after.keys, before.keys);
+    EXPECT_EQ(after.betas, before.betas);
+    ASSERT_TRUE(after.motion);
+    EXPECT_EQ(after.motion->theta, before.motion->theta);
+    EXPECT_EQ(viewer_->timeline(), 3);
+    EXPECT_EQ(viewer_->editor().pose(), before.pose);
+    viewer_.reset();
+
+    // Without its motion the keys are there all the same; damaged files are left alone.
+    fs::remove(poses);
+    std::ofstream(*folder_ / "state" / "sessions" / "view-0-0.json") << "{\"doppel_session\": 1";
+    open(options);
+    press("Return");
+    EXPECT_EQ(viewer_->editor().keyframes().size(), 1u);
+    EXPECT_NE(viewer_->message().find("not the motion under them"), std::string::npos);
+    EXPECT_TRUE(fs::exists(*folder_ / "state" / "sessions" / "view-0-0.json"));
+}
+
+}  // namespace
+}  // namespace doppel::test

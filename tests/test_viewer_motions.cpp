@@ -1,0 +1,196 @@
+// Motions, keys, films, exports, and an avatar in training.
+#include "engine/error.h"
+#include "engine/io/video.h"
+#include "tests/viewer_test.h"
+#include "trainer/data/capture_writer.h"
+
+namespace doppel::test {
+namespace {
+
+TEST_F(ViewerTest, PlaysMotions) {
+    Motion motion = turningMotion(9);
+    fs::path poses = *folder_ / "poses.npz";
+    Npz arrays = posesArrays(motion.theta, motion.trans, {});
+    arrays.set("fps", Array::f32({}, std::array{20.0f}));
+    writeNpz(poses, arrays, false);
+    ViewerOptions options;
+    options.motion = poses;
+    Viewer& viewer = open(options);
+    EXPECT_EQ(viewer.frameCount(), 9);
+    Pose first = viewer.editor().pose();
+    screen_->key("Right");
+    settle();
+    EXPECT_EQ(viewer.timeline(), 1);
+    EXPECT_NE(viewer.editor().pose(), first);
+    screen_->key("space");
+    double sum = 0, last = viewer.timeline();
+    await("the motion to play", [&] {
+        viewer.frame();
+        sum += std::abs(viewer.timeline() - last);
+        last = viewer.timeline();
+        return sum > 1;
+    });
+    screen_->key("space");
+    settle();
+    screen_->key("Left");
+    settle();
+    EXPECT_EQ(viewer.timeline(), std::floor(viewer.timeline()));
+    EXPECT_EQ(messageOf<InputError>([&] { viewer.loadMotion(*folder_ / "none.npz"); }).empty(),
+              false);
+    EXPECT_EQ(viewer.frameCount(), 9);  // the old one is still there
+}
+
+TEST_F(ViewerTest, LooksThroughTheCapturesCamera) {
+    Motion motion = turningMotion(2);
+    fs::path folder = *folder_ / "capture";
+    {
+        CaptureWriter writer(folder);
+        Capture capture;
+        capture.name = "captured";
+        for (size_t f = 0; f < motion.size(); ++f) {
+            std::string name = fmt::format("{}", f);
+            Image frame(80, 60, 3);
+            for (size_t i = 0; i < frame.data.size(); ++i)
+                frame.data[i] = i % 3 == f ? 200 : 40;  // red, then green
+            writer.addImage(name, 80, 60, frame.data);
+            capture.frames.push_back({name, {}, {}, {75, 75, 40, 30, 80, 60}});
+            capture.theta.push_back(motion.theta[f]);
+            capture.trans.push_back(motion.trans[f]);
+        }
+        writer.commit(capture);
+    }
+    ViewerOptions options;
+    options.motion = folder;
+    Viewer& viewer = open(options);
+    screen_->key("0");
+    settle();
+    ASSERT_TRUE(viewer.settings().captureCamera);
+    // The frame is as large as the pane allows, 533 by 400 in the middle of 560 by 400.
+    const Pane& pane = viewer.panes().back();
+    double scale = pane.height / 60.0, left = (pane.width - 80 * scale) / 2;
+    PosedSkeleton body = viewer.posed();
+    glm::dvec3 head = body.position[joint::kHead];
+    EXPECT_NEAR(at(joint::kHead).x, left + scale * (75 * head.x / head.z + 40), 1e-6);
+    EXPECT_NEAR(at(joint::kHead).y, scale * (75 * head.y / head.z + 30), 1e-6);
+    for (int f : {0, 1}) {
+        Image now = picture();
+        const uint8_t* inside = now.pixel(static_cast<int>(left) + 20, 30);
+        EXPECT_NEAR(inside[f], 200, 2) << f;
+        EXPECT_NEAR(inside[1 - f], 40, 2) << f;
+        EXPECT_LT(now.pixel(4, 30)[f], 100) << f;  // beside the frame
+        screen_->key("Right");
+        settle();
+    }
+    // Orbiting begins where the capture's camera stood.
+    glm::dvec2 before = at(joint::kHead);
+    drag({30, 300}, {30, 300}, 2, 1);
+    EXPECT_FALSE(viewer.settings().captureCamera);
+    EXPECT_LT(glm::distance(at(joint::kHead), before), 2);
+}
+
+TEST_F(ViewerTest, KeyframesAreSavedAndReadAgain) {
+    Viewer& viewer = open();
+    screen_->key("k");
+    settle();
+    Pose first = viewer.editor().pose();
+    for (int i = 0; i < 10; ++i) {
+        screen_->key("Right");
+        turn(2);
+    }
+    ASSERT_EQ(viewer.timeline(), 10);
+    glm::dvec2 from = at(joint::kRightWrist);
+    drag(from, from + glm::dvec2(20, -80));
+    EXPECT_EQ(viewer.frameCount(), 11) << "an edit where there are keys is one";
+    fs::path poses = *folder_ / "keys.npz";
+    viewer.savePoses(poses);
+    Motion motion = readMotion(poses);
+    ASSERT_EQ(motion.size(), 2u);
+    for (size_t k = 0; k < 72; ++k)
+        EXPECT_NEAR(motion.theta[1][k], thetaOf(viewer.editor().poseAt(10))[k], 1e-6);
+    screen_->key("Left");
+    settle();
+    EXPECT_EQ(viewer.timeline(), 9);
+    EXPECT_EQ(viewer.editor().pose(), viewer.editor().poseAt(9));
+    EXPECT_EQ(viewer.editor().poseAt(0), first);
+    // The file is a motion to others, and keys to the viewer.
+    viewer.loadMotion(poses);
+    settle();
+    EXPECT_EQ(viewer.editor().keyframes().size(), 2u);
+    EXPECT_EQ(viewer.frameCount(), 11);
+}
+
+TEST_F(ViewerTest, FilmsWhatIsShown) {
+    fs::path poses = *folder_ / "film.npz";
+    Motion motion = turningMotion(5);
+    writeNpz(poses, posesArrays(motion.theta, motion.trans, {}), false);
+    ViewerOptions options;
+    options.motion = poses;
+    Viewer& viewer = open(options);
+    fs::path film = *folder_ / "film.mp4", frames = *folder_ / "frames";
+    for (const fs::path& out : {film, frames}) {
+        viewer.startFilm(out, 200);
+        for (int i = 0; i < 500 && viewer.working(); ++i) viewer.frame();
+        ASSERT_FALSE(viewer.working());
+    }
+    VideoReader reader(film);
+    EXPECT_EQ(reader.frameCount(), 5);
+    EXPECT_EQ(reader.width(), 200);
+    Image first, last;
+    reader.next(first);
+    for (int i = 1; i < 5; ++i) reader.next(last);
+    EXPECT_GT(difference(first, last), 0.02);
+    EXPECT_LT(difference(resize(readImage(frames / "0004.png"), last.width, last.height), last),
+              0.1);
+    // What is given up leaves nothing.
+    viewer.startFilm(*folder_ / "half.mp4", 0);
+    turn(2);
+    screen_->key("Escape");
+    settle();
+    EXPECT_FALSE(fs::exists(*folder_ / "half.mp4"));
+    EXPECT_EQ(viewer.timeline(), 0);
+    EXPECT_EQ(messageOf<InputError>([&] { viewer.startFilm(*folder_ / "avatar", 0); }).empty(),
+              false);
+}
+
+TEST_F(ViewerTest, ExportsWhatIsShown) {
+    Viewer& viewer = open();
+    glm::dvec2 from = at(joint::kLeftWrist);
+    drag(from, from + glm::dvec2(0, -60));
+    fs::path out = *folder_ / "pose.glb";
+    viewer.startExport(out);
+    for (int i = 0; i < 3000 && viewer.working(); ++i) viewer.frame();
+    ASSERT_TRUE(fs::exists(out)) << viewer.message();
+    EXPECT_GT(fs::file_size(out), 100'000u);
+    EXPECT_NE(messageOf<InputError>([&] { viewer.startExport("a.obj"); }).find(".glb"),
+              std::string::npos);
+}
+
+TEST_F(ViewerTest, FollowsATrainingAndOutlivesItsFolder) {
+    fs::path folder = *folder_ / "training";
+    Avatar avatar = plainAvatar();
+    writeAvatar(folder, avatar);
+    ViewerOptions options;
+    options.avatar = folder;
+    Viewer& viewer = open(options);
+    Image before = picture();
+    for (float& value : avatar.texture) value = 1 - value;
+    writeAvatar(liveFolder(folder), avatar);
+    fs::last_write_time(liveFolder(folder) / "avatar.toml",
+                        fs::last_write_time(folder / "avatar.toml") + std::chrono::seconds(2));
+    for (int i = 0; i < 100 && viewer.message().empty(); ++i) viewer.frame();
+    settle();
+    EXPECT_EQ(viewer.message(), "the training's present state");
+    EXPECT_GT(difference(before, picture()), 0.02);
+
+    fs::remove_all(folder);
+    turn(5);
+    glm::dvec2 from = at(joint::kLeftWrist);
+    drag(from, from + glm::dvec2(0, -60));
+    EXPECT_TRUE(viewer.editor().canUndo());
+    viewer.startExport(*folder_ / "orphan.glb");
+    for (int i = 0; i < 3000 && viewer.working(); ++i) viewer.frame();
+    EXPECT_TRUE(fs::exists(*folder_ / "orphan.glb")) << viewer.message();
+}
+
+}  // namespace
+}  // namespace doppel::test

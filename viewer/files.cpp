@@ -1,0 +1,350 @@
+// What is opened and saved, and what becomes of work that is not saved.
+#include <GLFW/glfw3.h>
+
+#include <algorithm>
+#include <chrono>
+#include <ctime>
+
+#include "engine/error.h"
+#include "engine/files/atomic_file.h"
+#include "trainer/avatar/rendering.h"
+#include "trainer/data/frame_selection.h"
+#include "viewer/pose/pose_text.h"
+#include "viewer/viewer.h"
+
+namespace doppel {
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr double kGestureSeconds = 2;   // between two writings of the session while a limb moves
+constexpr double kRestPerWriting = 20;  // times as long as a writing takes nothing is written
+
+std::string lower(std::string text) {
+    std::ranges::transform(text, text.begin(), [](char c) {
+        return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c;
+    });
+    return text;
+}
+
+std::string absolutePath(const fs::path& path) {
+    std::error_code error;
+    fs::path found = fs::weakly_canonical(path, error);
+    return (error ? fs::absolute(path, error) : found).string();
+}
+
+fs::file_time_type timeOf(const fs::path& path) {
+    std::error_code error;
+    fs::file_time_type time = fs::last_write_time(path, error);
+    return error ? fs::file_time_type{} : time;
+}
+
+}  // namespace
+
+// ---- opening ------------------------------------------------------------------------------------
+
+// The motion, or the take, of a file as it is played in the window.
+Take Viewer::readForPlaying(const fs::path& path, const std::string& frames) {
+    std::optional<Take> take = frames.empty() ? readTake(path) : std::nullopt;
+    if (!take) {
+        Motion motion = readMotion(path);
+        std::vector<size_t> chosen = selectFrames(frames, motion.size());
+        motion = motion.subset(chosen);
+        std::optional<Capture> pictures;
+        if (motion.cameras.empty()) {
+            // Upright, and where the avatar stands before it moves.
+            motion = inCameraSpace(std::move(motion));
+            Trans first = motion.trans[0], place = restShot(device_, avatar_->avatar, 512).trans;
+            for (Trans& trans : motion.trans)
+                for (size_t k = 0; k < 3; ++k) trans[k] += place[k] - first[k];
+        } else if (fs::is_directory(path / "images")) {
+            pictures = readCapture(path).subset(chosen);
+        }
+        take.emplace();
+        take->motion = std::make_shared<const Motion>(std::move(motion));
+        std::erase_if(captures_, [](const OpenCapture& open) { return open.motion.expired(); });
+        if (pictures) {
+            captures_.push_back({take->motion, std::move(*pictures), nullptr});
+            captures_.back().frames = std::make_unique<FrameCache>(captures_.back().capture);
+        }
+    }
+    std::erase_if(motions_, [](const OpenedMotion& open) { return open.motion.expired(); });
+    if (take->motion) motions_.push_back({take->motion, path, frames});
+    return std::move(*take);
+}
+
+void Viewer::loadMotion(const fs::path& path, const std::string& frames) {
+    Take take = readForPlaying(path, frames);
+    const bool keyed = !take.keys.empty();
+    play(false);
+    endDrag();
+    if (keyed)
+        editor_->openTake(take, 0, "open " + path.filename().string());
+    else
+        editor_->openMotion(take.motion, "open " + take.motion->name);
+    editor_->markSaved();
+    savedFile_ = keyed ? fs::path(absolutePath(path)) : fs::path();
+    savedTime_ = {};
+    timeline_ = 0;
+    showTime();
+    if (!motion() || motion()->cameras.empty()) settings_.captureCamera = false;
+    ++backdropVersion_;
+    layOut();
+    frameAll();
+    say(keyed ? fmt::format("{}: {} keys", path.filename().string(), take.keys.size())
+              : fmt::format("{}: {} frames", motion()->name, motion()->size()));
+}
+
+void Viewer::closeMotion() {
+    play(false);
+    endDrag();
+    editor_->openMotion(nullptr, "close motion");
+    settings_.captureCamera = false;
+    timeline_ = 0;
+    savedFile_.clear();
+}
+
+void Viewer::loadPicture(const fs::path& path) {
+    backdropPicture_ = readImage(path);
+    settings_.backdrop = Backdrop::Picture;
+    ++backdropVersion_;
+}
+
+void Viewer::pastePose(const fs::path& path) {
+    std::vector<uint8_t> text = readWholeFile(path, uint64_t{1} << 20);
+    try {
+        editor_->paste({reinterpret_cast<const char*>(text.data()), text.size()});
+    } catch (const InputError& error) {
+        throwInput("{}: {}", path.string(), error.what());
+    }
+}
+
+void Viewer::openFile(const fs::path& path) {
+    if (film_) throwInput("{}: a film is being drawn; Escape gives it up", path.string());
+    const std::string extension = lower(path.extension().string());
+    if (extension == ".json")
+        pastePose(path);
+    else if (isMotion(path))
+        afterSaving(fmt::format("Opening {} puts away what you edited, which is not saved.",
+                                path.filename().string()),
+                    [this, path] { loadMotion(path); });
+    else
+        loadPicture(path);
+}
+
+// ---- saving -------------------------------------------------------------------------------------
+
+fs::path Viewer::freeName(const std::string& stem, const std::string& extension) const {
+    for (int i = 1;; ++i) {
+        fs::path path = fmt::format("{}-{}{}", stem, i, extension);
+        if (!fs::exists(path)) return path;
+    }
+}
+
+void Viewer::savePoses(const fs::path& path) {
+    endDrag();
+    editor_->endGesture();
+    writeTake(path, editor_->take(), fps());
+    editor_->markSaved();
+    savedFile_ = absolutePath(path);
+    savedTime_ = timeOf(savedFile_);
+    keepSession(true);
+    say(fmt::format("poses in {}", path.string()));
+}
+
+void Viewer::save() {
+    if (savedFile_.empty())
+        savePoses(freeName("poses", ".npz"));
+    else if (fs::exists(savedFile_) && timeOf(savedFile_) != savedTime_)
+        askToOverwrite(savedFile_);
+    else
+        savePoses(savedFile_);
+}
+
+void Viewer::saveAs(const fs::path& path) {
+    fs::path out = path;
+    if (lower(out.extension().string()) != ".npz") out += ".npz";
+    if (!fs::exists(out) ||
+        (fs::path(absolutePath(out)) == savedFile_ && timeOf(savedFile_) == savedTime_))
+        savePoses(out);
+    else
+        askToOverwrite(out);
+}
+
+void Viewer::askToOverwrite(const fs::path& path) {
+    ask({fmt::format("{} is there already, and this window did not write it.", path.string()),
+         {{"Overwrite it", [this, path] { savePoses(path); }},
+          {"Save beside it",
+           [this, path] {
+               savePoses(freeName((path.parent_path() / path.stem()).string(), ".npz"));
+           }},
+          {"Cancel", {}}}});
+}
+
+void Viewer::saveScreenshot(const fs::path& path) {
+    if (!shown_) throwInput("there is no picture to save");
+    const std::vector<Pane>& panes = shown_->panes;
+    Image image(panes.back().x + panes.back().width, panes[0].height, 3);
+    for (size_t i = 0; i < panes.size(); ++i) {
+        const uint32_t* word = pixels_[i].data();
+        for (int y = 0; y < panes[i].height; ++y)
+            for (int x = 0; x < panes[i].width; ++x, ++word)
+                for (int c = 0; c < 3; ++c)
+                    image.pixel(panes[i].x + x, y)[window_.blueFirst() ? 2 - c : c] =
+                        static_cast<uint8_t>(*word >> 8 * c);
+    }
+    writeImage(path, image);
+    say(fmt::format("picture in {}", path.string()));
+}
+
+// ---- questions ----------------------------------------------------------------------------------
+
+void Viewer::ask(Question question) {
+    play(false);
+    endDrag();
+    question_ = std::move(question);
+    framesToDraw_ = 3;
+}
+
+std::vector<std::string> Viewer::answers() const {
+    std::vector<std::string> labels;
+    if (question_)
+        for (const Answer& answer : question_->answers) labels.push_back(answer.label);
+    return labels;
+}
+
+void Viewer::answer(const std::string& label) {
+    CHECK(question_, "there is a question to answer with \"{}\"", label);
+    auto found = std::ranges::find(question_->answers, label, &Answer::label);
+    CHECK(found != question_->answers.end(), "\"{}\" is one of the answers", label);
+    std::function<void()> then = std::move(found->then);
+    question_.reset();  // what is done may ask again
+    framesToDraw_ = 3;
+    if (then) attempt(then);
+}
+
+void Viewer::afterSaving(const std::string& what, std::function<void()> then) {
+    if (!editor_->modified()) return then();
+    ask({what,
+         {{"Save",
+           [this, then] {
+               save();
+               if (!editor_->modified()) then();
+           }},
+          {"Do not save", then},
+          {"Cancel", {}}}});
+}
+
+void Viewer::askToLeave() {
+    if (film_) cancelFilm();
+    afterSaving("What you edited is not saved.", [this] {
+        mayClose_ = true;
+        window_.close();
+    });
+}
+
+// ---- what a killed viewer leaves ----------------------------------------------------------------
+
+std::string Viewer::sessionNow() const {
+    Session session;
+    session.avatar = absolutePath(source_.folder());
+    for (const OpenedMotion& open : motions_)
+        if (motion() && open.motion.lock() == editor_->motion()) {
+            session.motion = absolutePath(open.path);
+            session.frames = open.frames;
+        }
+    session.saved = savedFile_.string();
+    std::time_t now = std::time(nullptr);
+    char when[32] = "";
+    if (std::tm local{}; localtime_r(&now, &local))
+        std::strftime(when, sizeof when, "%Y-%m-%d %H:%M", &local);
+    session.when = when;
+    session.time = std::max(editor_->time(), 0.0);
+    session.take = editor_->take();
+    return sessionText(session);
+}
+
+// Writes down what is not saved, once it has changed; a long list of keys less often.
+void Viewer::keepSession(bool now) {
+    if (!recovery_.enabled()) return;
+    if (!editor_->modified()) {
+        recovery_.clear();
+        keptVersion_ = 0;
+        return;
+    }
+    if (keptVersion_ == editor_->version()) return;
+    double since = std::chrono::duration<double>(Clock::now() - keptAt_).count();
+    if (!now && (since < kRestPerWriting * keptSeconds_ ||
+                 (editor_->inGesture() && since < kGestureSeconds)))
+        return;
+    auto before = Clock::now();
+    keptVersion_ = editor_->version();
+    try {
+        recovery_.write(sessionNow());
+    } catch (const std::exception& error) {
+        if (!keepingFailed_)
+            say(fmt::format("what is not saved cannot be kept for the next start: {}",
+                            error.what()),
+                true);
+        keepingFailed_ = true;
+    }
+    keptAt_ = Clock::now();
+    keptSeconds_ = std::chrono::duration<double>(keptAt_ - before).count();
+}
+
+void Viewer::recover(const std::string& text, const std::string& name) {
+    Session session = readSessionText(text, name);
+    std::string missing;
+    if (!session.motion.empty()) {
+        try {
+            session.take.motion = readForPlaying(session.motion, session.frames).motion;
+        } catch (const std::exception& error) {
+            missing = error.what();
+        }
+    }
+    editor_->openTake(session.take, session.time, "bring back");
+    timeline_ = session.time;
+    savedFile_ = session.saved;
+    savedTime_ = {};  // somebody may have written it since
+    layOut();
+    frameAll();
+    if (missing.empty())
+        say(fmt::format("as it was at {}; Ctrl+S saves it", session.when));
+    else
+        say(fmt::format("the poses are back, but not the motion under them: {}", missing), true);
+    keepSession(true);
+}
+
+void Viewer::offerRecovery() {
+    const std::string avatar = absolutePath(source_.folder());
+    for (Recovery::Orphan& found : recovery_.orphans()) {
+        Session session;
+        try {
+            session = readSessionText(found.text, found.file.string());
+        } catch (const InputError&) {
+            continue;  // not of this program's version, or damaged: it stays where it is
+        }
+        if (session.avatar != avatar) continue;
+        auto orphan = std::make_shared<Recovery::Orphan>(std::move(found));
+        const size_t keys = session.take.keys.size();
+        ask({fmt::format("At {} a window with this avatar ended before its work was saved: {}.",
+                         session.when,
+                         keys == 0   ? std::string("a pose")
+                         : keys == 1 ? std::string("one key")
+                                     : fmt::format("{} keys", keys)),
+             {{"Bring it back",
+               [this, orphan] {
+                   recover(orphan->text, orphan->file.string());
+                   Recovery::remove(*orphan);
+               }},
+              {"Throw it away",
+               [this, orphan] {
+                   Recovery::remove(*orphan);
+                   offerRecovery();
+               }},
+              {"Not now", {}}}});
+        return;
+    }
+}
+
+}  // namespace doppel

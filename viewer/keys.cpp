@@ -1,0 +1,165 @@
+// Keys: Blender's habits where it has some.
+#include <GLFW/glfw3.h>
+#include <imgui.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "viewer/viewer.h"
+
+namespace doppel {
+
+void Viewer::handleKeys() {
+    const ImGuiIO& io = ImGui::GetIO();
+    for (const KeyPress& press : window_.keys()) {
+        framesToDraw_ = 3;
+        if (question_) {
+            if (press.key == GLFW_KEY_ENTER || press.key == GLFW_KEY_KP_ENTER)
+                answer(question_->answers.front().label);
+            else if (press.key == GLFW_KEY_ESCAPE)
+                answer(question_->answers.back().label);
+            continue;
+        }
+        if (io.WantTextInput || (film_ && press.key != GLFW_KEY_ESCAPE)) continue;
+        bool control = press.modifiers & (GLFW_MOD_CONTROL | GLFW_MOD_SUPER);
+        bool shift = press.modifiers & GLFW_MOD_SHIFT;
+        if (control) {
+            switch (press.key) {
+                case GLFW_KEY_Z:
+                    shift ? redo() : undo();
+                    break;
+                case GLFW_KEY_Y:
+                    redo();
+                    break;
+                case GLFW_KEY_C:
+                    window_.setClipboard(editor_->copy());
+                    say("pose copied");
+                    break;
+                case GLFW_KEY_V:
+                    attempt([&] { editor_->paste(window_.clipboard()); });
+                    break;
+                case GLFW_KEY_S:
+                    attempt([&] { save(); });
+                    break;
+                case GLFW_KEY_Q:
+                    window_.close();
+                    break;
+                default:
+                    break;
+            }
+            continue;
+        }
+        double quarter = std::numbers::pi / 2;
+        switch (press.key) {
+            case GLFW_KEY_F:
+            case GLFW_KEY_HOME:
+            case GLFW_KEY_KP_DECIMAL:
+                frameAll();
+                break;
+            case GLFW_KEY_1:
+            case GLFW_KEY_KP_1:
+                lookFrom(shift ? 2 * quarter : 0, 0);
+                break;
+            case GLFW_KEY_3:
+            case GLFW_KEY_KP_3:
+                lookFrom(shift ? -quarter : quarter, 0);
+                break;
+            case GLFW_KEY_7:
+            case GLFW_KEY_KP_7:
+                lookFrom(orbit_.yaw, shift ? -1.55 : 1.55);
+                break;
+            case GLFW_KEY_5:
+            case GLFW_KEY_KP_5:
+                orbit_.orthographic = !orbit_.orthographic;
+                break;
+            case GLFW_KEY_0:
+            case GLFW_KEY_KP_0:
+                if (motion() && !motion()->cameras.empty()) {
+                    settings_.captureCamera = !settings_.captureCamera;
+                    if (settings_.captureCamera && capture())
+                        settings_.backdrop = Backdrop::Capture;
+                }
+                break;
+            case GLFW_KEY_SPACE:
+                play(!playing_);
+                break;
+            case GLFW_KEY_LEFT:
+            case GLFW_KEY_RIGHT:
+                step(press.key == GLFW_KEY_LEFT ? -1 : 1);
+                break;
+            case GLFW_KEY_M:
+                editor_->mirror();
+                break;
+            case GLFW_KEY_R:
+                if (shift)
+                    editor_->resetPose();
+                else if (std::optional<size_t> at = hovered_ ? hovered_ : selected_)
+                    editor_->resetJoint(*at);
+                break;
+            case GLFW_KEY_P:
+                if (std::optional<size_t> at = hovered_ ? hovered_ : selected_;
+                    at && *at != joint::kPelvis)
+                    if (!pins_.erase(*at)) pins_.insert(*at);
+                break;
+            case GLFW_KEY_K:
+                editor_->setKeyframe(std::floor(timeline_));
+                say(fmt::format("key at frame {:.0f}", std::floor(timeline_)));
+                break;
+            case GLFW_KEY_W:
+                settings_.wireframe = !settings_.wireframe;
+                break;
+            case GLFW_KEY_L:
+                settings_.lit = !settings_.lit;
+                break;
+            case GLFW_KEY_J:
+                settings_.joints = !settings_.joints;
+                break;
+            case GLFW_KEY_B:
+                settings_.split = settings_.split == Split::None     ? Split::Meshes
+                                  : settings_.split == Split::Meshes ? Split::Textures
+                                                                     : Split::None;
+                break;
+            case GLFW_KEY_N:
+            case GLFW_KEY_TAB:
+                settings_.panel = !settings_.panel;
+                break;
+            case GLFW_KEY_H:
+            case GLFW_KEY_F1:
+                settings_.help = !settings_.help;
+                break;
+            case GLFW_KEY_F12:
+                attempt([&] { saveScreenshot(freeName("doppel", ".png")); });
+                break;
+            case GLFW_KEY_ESCAPE:
+                if (drag_ == Drag::Joint || drag_ == Drag::Ring) {
+                    editor_->cancelGesture();
+                    drag_ = Drag::None;
+                } else if (film_) {
+                    cancelFilm();
+                } else {
+                    selected_.reset();
+                    settings_.help = false;
+                }
+                break;
+            default:
+                break;
+        }
+        lastTouched_ = Clock::now();
+    }
+}
+
+void Viewer::frameAll() {
+    if (panes_.empty()) return;
+    Pose pose = editor_->pose();
+    scene_->setPose(thetaOf(pose), transOf(pose), editor_->betas());
+    settings_.captureCamera = false;
+    orbit_.frame(scene_->vertices(settings_.mesh), panes_[0].width, panes_[0].height);
+}
+
+void Viewer::lookFrom(double yaw, double pitch) {
+    settings_.captureCamera = false;
+    orbit_.yaw = yaw;
+    orbit_.pitch = pitch;
+}
+
+}  // namespace doppel

@@ -1,0 +1,95 @@
+// What is drawn over the picture: joints, bones, rings, names.
+#include <imgui.h>
+
+#include <algorithm>
+#include <array>
+
+#include "viewer/overlays.h"
+#include "viewer/viewer.h"
+
+namespace doppel {
+
+namespace {
+
+ImVec2 toImGui(const glm::dvec2& p) { return {static_cast<float>(p.x), static_cast<float>(p.y)}; }
+
+}  // namespace
+
+void Viewer::drawOverlays() {
+    ImDrawList& list = *ImGui::GetBackgroundDrawList();
+    double scale = window_.scale();
+    if (panes_.size() == 2) {
+        auto x = static_cast<float>(panes_[1].x / scale);
+        auto bottom = static_cast<float>(panes_[1].height / scale);
+        list.AddLine({x, 0}, {x, bottom}, IM_COL32(255, 255, 255, 160), 1);
+        bool meshes = settings_.split == Split::Meshes;
+        const char* left = meshes ? "body" : "coarse texture";
+        const char* right = meshes ? "refined mesh" : "refined texture";
+        list.AddText({12, bottom - 42}, IM_COL32(255, 255, 255, 220), left);
+        list.AddText({x + 12, bottom - 42}, IM_COL32(255, 255, 255, 220), right);
+    }
+    bool near = paneAt(mouse_.x, mouse_.y) && !ImGui::GetIO().WantCaptureMouse;
+    bool edits = drag_ == Drag::Joint || drag_ == Drag::Ring;
+    if (!settings_.joints || film_ || (!near && !edits && !selected_)) return;
+    PosedSkeleton body = posed();
+    for (const Pane& pane : panes_) {
+        list.PushClipRect(
+            {float(pane.x / scale), float(pane.y / scale)},
+            {float((pane.x + pane.width) / scale), float((pane.y + pane.height) / scale)});
+        for (size_t j = 0; j < joint::kCount && (near || edits); ++j) {
+            glm::dvec3 at = onScreen(body.position[j], pane);
+            if (at.z <= 0) continue;
+            if (skeleton().parents[j] >= 0) {
+                glm::dvec3 up =
+                    onScreen(body.position[static_cast<size_t>(skeleton().parents[j])], pane);
+                if (up.z > 0)
+                    list.AddLine(toImGui(at), toImGui(up), IM_COL32(255, 255, 255, 70), 1.5f);
+            }
+        }
+        for (size_t j = 0; j < joint::kCount; ++j) {
+            bool chosen = selected_ == j, hot = hovered_ == j;
+            if (!near && !edits && !chosen) continue;
+            glm::dvec3 at = onScreen(body.position[j], pane);
+            if (at.z <= 0) continue;
+            float radius = hot ? 6.5f : chosen ? 5.5f : 3.5f;
+            ImU32 colour = chosen ? IM_COL32(255, 180, 60, 255)
+                           : hot  ? IM_COL32(255, 230, 150, 255)
+                                  : IM_COL32(120, 190, 255, 220);
+            list.AddCircleFilled(toImGui(at), radius + 1.5f, IM_COL32(0, 0, 0, 150));
+            list.AddCircleFilled(toImGui(at), radius, colour);
+            if (pins_.contains(j)) {
+                ImVec2 c = toImGui(at);
+                list.AddRect({c.x - 8, c.y - 8}, {c.x + 8, c.y + 8}, IM_COL32(255, 90, 90, 255), 0,
+                             0, 2);
+            }
+        }
+        if (selected_) {
+            std::optional<RingHit> hit =
+                drag_ == Drag::None ? ringAt(mouse_.x, mouse_.y) : std::nullopt;
+            for (int axis = 0; axis < 3; ++axis) {
+                if (drag_ == Drag::Joint || (drag_ == Drag::Ring && dragRing_.axis != axis))
+                    continue;
+                std::array<ImVec2, kRingPoints> points;
+                std::vector<glm::dvec2> at = ring(axis, pane);
+                std::ranges::transform(at, points.begin(), toImGui);
+                bool hot = (hit && hit->axis == axis) || drag_ == Drag::Ring;
+                ImU32 alpha = hot ? 255 : 170;
+                ImU32 colour = axis == 0   ? IM_COL32(235, 80, 80, alpha)
+                               : axis == 1 ? IM_COL32(100, 210, 100, alpha)
+                                           : IM_COL32(90, 140, 255, alpha);
+                list.AddPolyline(points.data(), kRingPoints, colour, ImDrawFlags_Closed,
+                                 hot ? 3.0f : 1.8f);
+            }
+        }
+        list.PopClipRect();
+    }
+    if (hovered_ && drag_ == Drag::None) {
+        glm::dvec2 at = mouse_ + glm::dvec2(14, -18);
+        std::string name = jointName(*hovered_);
+        std::ranges::replace(name, '_', ' ');
+        list.AddText(toImGui(at + glm::dvec2(1)), IM_COL32(0, 0, 0, 255), name.c_str());
+        list.AddText(toImGui(at), IM_COL32(255, 255, 255, 255), name.c_str());
+    }
+}
+
+}  // namespace doppel

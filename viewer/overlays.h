@@ -1,0 +1,9 @@
+// Sizes of what is drawn over the picture, which the mouse meets.
+#pragma once
+
+namespace doppel {
+
+constexpr double kRingRadius = 74;  // window coordinates
+constexpr int kRingPoints = 64;
+
+}  // namespace doppel
