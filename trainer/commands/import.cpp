@@ -51,8 +51,8 @@ void runImport(const ImportOptions& options) {
         if (capture.keypoints) json["keypoints"] = capture.keypoints->scheme;
         if (result.givenMasks + result.keyedMasks > 0) json["iou"] = result.meanIou;
         json["fps"] = capture.fps;
-        for (const char* said : {"masks", "left_out", "ends", "cuts", "swaps", "people", "hidden",
-                                 "cut_off", "quality", "camera"}) {
+        for (const char* said : {"masks", "left_out", "ends", "range", "cuts", "swaps", "people",
+                                 "hidden", "cut_off", "quality", "camera"}) {
             if (const auto at = capture.source.find(said); at != capture.source.end())
                 json[said] = at->second;
         }
@@ -71,6 +71,7 @@ void printImport(const ImportOptions& options, const ImportResult& result) {
                              camera.height, capture.fps, result.layout);
     for (const auto& [said, what] : {std::pair{"left_out", "left out"},
                                      {"ends", "the file ends"},
+                                     {"range", "range"},
                                      {"cuts", "cuts at"},
                                      {"swaps", "swaps"},
                                      {"people", "people"},
