@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iostream>
 
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
@@ -91,7 +92,8 @@ TEST(BrokenClip, HighDynamicRangeBecomesSrgb) {
             off += std::abs(d) / double(plain.data.size());
             bias += d / double(plain.data.size());
         }
-        EXPECT_LT(off, 12) << name;  // signals taken as they are: 20 and 31
+        std::cout << name << " is " << off << " off\n";
+        EXPECT_LT(off, 7) << name;  // signals taken as they are: 10 and 20
         EXPECT_LT(std::abs(bias), 5) << name;
     }
 }
