@@ -41,6 +41,26 @@ std::vector<std::string> namesOf(const std::vector<CollectionEntry>& entries) {
     return names;
 }
 
+TEST(Results, SayWhoseFramesTheyAreOf) {
+    Capture capture;
+    capture.name = "dance";
+    capture.frames.resize(4);
+    using Provenance = std::map<std::string, std::string>;
+    EXPECT_EQ(whoseFrames({}, capture, 0), "");
+    EXPECT_EQ(whoseFrames({{"capture", "dance"}}, capture, 0), "");
+    EXPECT_NE(whoseFrames({}, capture, 3).find("was trained on 3 of these 4 frames"),
+              std::string::npos);
+    EXPECT_NE(whoseFrames({{"capture", "walk"}}, capture, 0)
+                  .find("learnt from \"walk\", and this is \"dance\": if it shows somebody else"),
+              std::string::npos);
+    const Provenance ann{{"capture", "walk"}, {"actor", "ann"}};
+    capture.actor = "ann";
+    EXPECT_EQ(whoseFrames(ann, capture, 0), "");
+    capture.actor = "bob";
+    EXPECT_EQ(whoseFrames(ann, capture, 0),
+              "the avatar is of ann, the capture of bob: the figures compare two people");
+}
+
 TEST(Results, FindsCaptures) {
     Folder folder;
     const fs::path all = folder / "all";

@@ -10,10 +10,13 @@ extern "C" {
 }
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
+#include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
@@ -70,6 +73,81 @@ Image turned(const Image& image, int degrees) {
             if (degrees == 270) sx = image.width - 1 - y, sy = x;
             std::copy_n(image.pixel(sx, sy), image.channelCount(), result.pixel(x, y));
         }
+    }
+    return result;
+}
+
+// ---- high dynamic range -------------------------------------------------------------------------
+
+constexpr size_t kHdrSteps = 4096;
+constexpr double kWhite = 203, kDisplay = 1000;  // cd/m²
+
+// cd/m².
+double pq(double signal) {
+    constexpr double m1 = 2610. / 16384, m2 = 2523. / 32, c1 = 3424. / 4096, c2 = 2413. / 128,
+                     c3 = 2392. / 128;
+    const double p = std::pow(signal, 1 / m2);
+    return 10000 * std::pow(std::max(p - c1, 0.) / (c2 - c3 * p), 1 / m1);
+}
+
+// The scene's light, [0,1].
+double hlg(double signal) {
+    constexpr double a = .17883277, b = .28466892, c = .55991073;
+    return signal <= .5 ? signal * signal / 3 : (std::exp((signal - c) / a) + b) / 12;
+}
+
+enum class HdrTransfer : uint8_t {
+    Pq,   // SMPTE ST 2084
+    Hlg,  // ARIB STD-B67, shown on a display of 1,000 cd/m²
+};
+
+// From signals of 16 bits in BT.2020's primaries (ITU-R BT.2100-2) to 8-bit sRGB: 203 cd/m², the
+// white of paper (BT.2408), is white; what is brighter than .8 of it is compressed, hues are kept.
+class HdrMap {
+public:
+    explicit HdrMap(HdrTransfer transfer);
+
+    std::array<uint8_t, 3> operator()(const std::array<uint16_t, 3>& signal) const;
+
+private:
+    HdrTransfer transfer_;
+    std::vector<float> linear_;     // of signals / 16; 1: that white, or HLG's scene light
+    std::vector<uint8_t> encoded_;  // of the square root of linear light
+};
+
+HdrMap::HdrMap(HdrTransfer transfer) : transfer_(transfer) {
+    for (size_t i = 0; i < kHdrSteps; ++i) {
+        const double signal = (double(i) + .5) / kHdrSteps;
+        linear_.push_back(float(transfer == HdrTransfer::Pq ? pq(signal) / kWhite : hlg(signal)));
+        const double light = signal * signal;
+        const double srgb =
+            light <= .0031308 ? 12.92 * light : 1.055 * std::pow(light, 1 / 2.4) - .055;
+        encoded_.push_back(uint8_t(std::lround(255 * srgb)));
+    }
+}
+
+std::array<uint8_t, 3> HdrMap::operator()(const std::array<uint16_t, 3>& signal) const {
+    std::array<float, 3> wide;
+    for (size_t c = 0; c < 3; ++c) wide[c] = linear_[signal[c] / 16];
+    if (transfer_ == HdrTransfer::Hlg) {
+        // From the scene to the display, whose gamma is 1.2 by luminance.
+        const float y = .2627f * wide[0] + .678f * wide[1] + .0593f * wide[2];
+        const float gain = float(kDisplay / kWhite) * std::pow(std::max(y, 1e-6f), .2f);
+        for (float& v : wide) v *= gain;
+    }
+    std::array<float, 3> light{1.660491f * wide[0] - .587641f * wide[1] - .07285f * wide[2],
+                               -.12455f * wide[0] + 1.1329f * wide[1] - .008349f * wide[2],
+                               -.018151f * wide[0] - .100579f * wide[1] + 1.11873f * wide[2]};
+    constexpr float kKnee = .8f;
+    const float most = std::max({light[0], light[1], light[2]});
+    if (most > kKnee) {
+        const float to = kKnee + (1 - kKnee) * (1 - std::exp((kKnee - most) / (1 - kKnee)));
+        for (float& v : light) v *= to / most;
+    }
+    std::array<uint8_t, 3> result;
+    for (size_t c = 0; c < 3; ++c) {
+        const float root = std::sqrt(std::clamp(light[c], 0.f, 1.f));
+        result[c] = encoded_[std::min(size_t(root * float(kHdrSteps)), kHdrSteps - 1)];
     }
     return result;
 }
@@ -296,8 +374,10 @@ struct VideoReader::Parts {
         // A quarter turn comes after scaling.
         const bool lying = rotation % 180 != 0;
         const int outW = lying ? size.height : size.width, outH = lying ? size.width : size.height;
-        scaler.reset(sws_getCachedContext(scaler.release(), w, h, pixels, outW, outH,
-                                          AV_PIX_FMT_RGB24, kScaling, nullptr, nullptr, nullptr));
+        const bool high = hdr.has_value();
+        const AVPixelFormat target = high ? AV_PIX_FMT_RGB48 : AV_PIX_FMT_RGB24;
+        scaler.reset(sws_getCachedContext(scaler.release(), w, h, pixels, outW, outH, target,
+                                          kScaling, nullptr, nullptr, nullptr));
         if (!scaler) throwInput("{}: frames of a pixel format that cannot be converted", name);
         // Where the file does not say: high definition is BT.709, the rest BT.601.
         int space = SWS_CS_ITU601;
@@ -310,15 +390,24 @@ struct VideoReader::Parts {
         sws_setColorspaceDetails(scaler.get(), sws_getCoefficients(space), full,
                                  sws_getCoefficients(SWS_CS_DEFAULT), 1, 0, 1 << 16, 1 << 16);
         // Rows of a multiple of 64 bytes: swscale writes beyond the end of unaligned ones.
-        const int stride = (outW * 3 + 63) / 64 * 64;
+        const int stride = (outW * (high ? 6 : 3) + 63) / 64 * 64;
         rows.resize(static_cast<size_t>(stride) * static_cast<size_t>(outH) + 64);
         uint8_t* planes[4] = {rows.data()};
         const int strides[4] = {stride};
         sws_scale(scaler.get(), decoded->data, decoded->linesize, 0, h, planes, strides);
         Image stored(outW, outH, 3);
         for (int y = 0; y < outH; ++y) {
-            std::memcpy(stored.row(y), &rows[static_cast<size_t>(y) * static_cast<size_t>(stride)],
-                        stored.rowBytes());
+            const uint8_t* row = &rows[static_cast<size_t>(y) * static_cast<size_t>(stride)];
+            if (!high) {
+                std::memcpy(stored.row(y), row, stored.rowBytes());
+                continue;
+            }
+            for (int x = 0; x < outW; ++x) {
+                std::array<uint16_t, 3> signal;
+                std::memcpy(signal.data(), row + 6 * x, sizeof signal);
+                const auto colour = (*hdr)(signal);
+                std::copy(colour.begin(), colour.end(), stored.pixel(x, y));
+            }
         }
         image = turned(stored, rotation);
     }
@@ -331,6 +420,7 @@ struct VideoReader::Parts {
     Owned<AVPacket> packet;
     Owned<SwsContext> scaler;
     std::vector<uint8_t> rows;
+    std::optional<HdrMap> hdr;  // of films of high dynamic range
     int codedWidth = 0, codedHeight = 0, rotation = 0;
     ImageSize size;  // of the pictures that are given
     int64_t frames = 0;
@@ -385,6 +475,9 @@ VideoReader::VideoReader(const std::filesystem::path& path, int mostRows)
     p.packet.reset(required(av_packet_alloc()));
     p.decoded.reset(required(av_frame_alloc()));
 
+    if (parameters.color_trc == AVCOL_TRC_SMPTE2084) p.hdr.emplace(HdrTransfer::Pq);
+    if (parameters.color_trc == AVCOL_TRC_ARIB_STD_B67) p.hdr.emplace(HdrTransfer::Hlg);
+
     const uint8_t* matrix = av_stream_get_side_data(p.stream, AV_PKT_DATA_DISPLAYMATRIX, nullptr);
     if (matrix != nullptr) {
         const double degrees = -av_display_rotation_get(reinterpret_cast<const int32_t*>(matrix));
@@ -425,6 +518,12 @@ double VideoReader::framesPerSecond() const {
 
 int64_t VideoReader::frameCount() const {
     return parts_->stream->nb_frames > 0 ? parts_->stream->nb_frames : -1;
+}
+
+const char* VideoReader::highRange() const {
+    const AVColorTransferCharacteristic transfer = parts_->stream->codecpar->color_trc;
+    if (!parts_->hdr) return "";
+    return transfer == AVCOL_TRC_SMPTE2084 ? "PQ" : "HLG";
 }
 
 double VideoReader::duration() const {

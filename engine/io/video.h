@@ -57,6 +57,10 @@ public:
     double framesPerSecond() const;  // the mean rate; 0 where the file does not say
     int64_t frameCount() const;      // as the file says; −1 where it does not
     double duration() const;         // seconds, as the file says; 0 where it does not
+    // "PQ" or "HLG" where the file is of high dynamic range, which is brought to sRGB: 203 cd/m²,
+    // the white of paper (BT.2408), is white, and what is near it or brighter is compressed. Empty:
+    // not.
+    const char* highRange() const;
     int rotation() const;  // by how many degrees clockwise frames are turned: 0, 90, 180 or 270
 
     // The next frame, 3 channels, in `frame`; false at the end.

@@ -20,7 +20,7 @@ namespace {
 Evaluation evaluateOne(Device& device, const std::filesystem::path& avatarFolder,
                        const std::filesystem::path& captureFolder, const EvalOptions& options,
                        const Measures& measures, const std::filesystem::path& pictures,
-                       Settings* settings) {
+                       Settings* settings, std::string& whose) {
     Avatar avatar = readAvatar(avatarFolder);
     TextureKind texture = textureKind(options.texture);
     requireTexture(avatar, texture, avatarFolder);
@@ -30,9 +30,7 @@ Evaluation evaluateOne(Device& device, const std::filesystem::path& avatarFolder
     if (settings) settings->insert(settings->end(), {{"preset", avatar.preset.name}});
     const Capture given = capture;
     const size_t seen = takeTrainingPoses(avatarFolder, capture);
-    if (seen > 0)
-        fmt::print(stderr, "the avatar was trained on {} of these {} frames\n", seen,
-                   capture.size());
+    whose = whoseFrames(avatar.provenance, capture, seen);
     if (options.givenPoses) capture = given;
     if (seen > 0 && !options.givenPoses && options.fitTestPoses.empty())
         fmt::print(stderr,
@@ -62,7 +60,8 @@ Evaluation evaluateOne(Device& device, const std::filesystem::path& avatarFolder
     return evaluateCapture(device, avatar, capture, evaluate);
 }
 
-void printOne(const Evaluation& evaluation, const EvalOptions& options, const Measures& measures) {
+void printOne(const Evaluation& evaluation, const EvalOptions& options, const Measures& measures,
+              const std::vector<std::string>& remarks) {
     FrameMetrics mean = meanMetrics(evaluation.frames);
     fmt::print(
         "{} frames, poses {}\n", evaluation.frames.size(),
@@ -83,8 +82,7 @@ void printOne(const Evaluation& evaluation, const EvalOptions& options, const Me
         "  change          {:.3f} from frame to frame, {:.3f} in the frames; {:.3f} with the "
         "pose held still\n",
         evaluation.change, evaluation.changeOfFrames, evaluation.changeHeldStill);
-    for (const std::string& remark : measures.remarks(evaluation.realClips.size()))
-        fmt::print("  {}\n", remark);
+    for (const std::string& remark : remarks) fmt::print("  {}\n", remark);
 }
 
 }  // namespace
@@ -110,20 +108,26 @@ void runEval(const EvalOptions& options) {
         {"lpips_net", options.measures.lpips.empty() ? "" : options.measures.lpipsNet},
         {"device", device.info().name}};
     std::vector<EvaluatedCapture> evaluated;
+    std::vector<std::string> whoseRemarks;
     for (const CollectionEntry& entry : entries) {
         if (collection)
             fmt::print(stderr, "{} of {}: {}, {}\n", evaluated.size() + 1, entries.size(),
                        entry.actor, entry.motion);
         std::filesystem::path pictures = options.pictures;
         if (collection && !pictures.empty()) pictures = pictures / entry.actor / entry.motion;
-        evaluated.push_back(
-            {entry, evaluateOne(device, avatarOf(options.avatar, entry.actor), entry.folder,
-                                options, measures, pictures, collection ? nullptr : &settings)});
+        std::string whose;
+        evaluated.push_back({entry, evaluateOne(device, avatarOf(options.avatar, entry.actor),
+                                                entry.folder, options, measures, pictures,
+                                                collection ? nullptr : &settings, whose)});
+        if (whose.empty()) continue;
+        whoseRemarks.push_back(
+            collection ? fmt::format("{}, {}: {}", entry.actor, entry.motion, whose) : whose);
     }
     const std::vector<ResultRow> rows = groupResults(evaluated);
     size_t clips = 0;
     for (const EvaluatedCapture& capture : evaluated) clips += capture.evaluation.realClips.size();
-    const std::vector<std::string> remarks = measures.remarks(clips);
+    std::vector<std::string> remarks = measures.remarks(clips);
+    remarks.insert(remarks.end(), whoseRemarks.begin(), whoseRemarks.end());
     if (!options.out.empty()) writeResults(options.out, "results", rows, settings, remarks);
     if (collection) {
         if (options.common.json)
@@ -134,7 +138,7 @@ void runEval(const EvalOptions& options) {
     }
     const Evaluation& one = evaluated[0].evaluation;
     if (!options.common.json) {
-        printOne(one, options, measures);
+        printOne(one, options, measures, remarks);
         return;
     }
     std::cout << metricsJson(one.frames, settings, true,

@@ -40,6 +40,17 @@ ImportResult bringIn(const ImportOptions& options) {
     });
 }
 
+namespace {
+
+// What a capture says of how it was made that is told when it is, and the words for it.
+constexpr std::pair<const char*, const char*> kSaid[] = {
+    {"left_out", "left out"}, {"ends", "the file ends"}, {"range", "range"},
+    {"cuts", "cuts at"},      {"swaps", "swaps"},        {"people", "people"},
+    {"hidden", "hidden"},     {"cut_off", "cut off"},    {"heads", "heads"},
+    {"quality", "quality"},   {"camera", "camera"}};
+
+}  // namespace
+
 void runImport(const ImportOptions& options) {
     catchInterrupts();
     const ImportResult result = bringIn(options);
@@ -56,11 +67,12 @@ void runImport(const ImportOptions& options) {
         if (!result.poses.empty()) json["poses"] = result.poses;
         if (!result.posesFilled.empty()) json["poses_filled"] = result.posesFilled;
         json["fps"] = capture.fps;
-        for (const char* said : {"masks", "left_out", "ends", "cuts", "swaps", "people", "hidden",
-                                 "cut_off", "heads", "quality", "camera"}) {
+        const auto tell = [&](const char* said) {
             if (const auto at = capture.source.find(said); at != capture.source.end())
                 json[said] = at->second;
-        }
+        };
+        tell("masks");
+        for (const auto& said : kSaid) tell(said.first);
         printJson(json);
         return;
     }
@@ -74,16 +86,7 @@ void printImport(const ImportOptions& options, const ImportResult& result) {
     std::cout << fmt::format("{}: {} frames of {}×{}, {:.4g} a second, from the layout {}\n",
                              options.settings.out.string(), capture.size(), camera.width,
                              camera.height, capture.fps, result.layout);
-    for (const auto& [said, what] : {std::pair{"left_out", "left out"},
-                                     {"ends", "the file ends"},
-                                     {"cuts", "cuts at"},
-                                     {"swaps", "swaps"},
-                                     {"heads", "heads"},
-                                     {"people", "people"},
-                                     {"hidden", "hidden"},
-                                     {"cut_off", "cut off"},
-                                     {"quality", "quality"},
-                                     {"camera", "camera"}}) {
+    for (const auto& [said, what] : kSaid) {
         if (const auto at = capture.source.find(said); at != capture.source.end())
             std::cout << fmt::format("{}: {}\n", what, at->second);
     }

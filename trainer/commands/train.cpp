@@ -98,6 +98,7 @@ void runTrain(const TrainOptions& options) {
         if (stage.isIn && stage.isIn(avatar) && !trains(stage))
             copySection(avatar.preset, before, stage.name);
     avatar.provenance["capture"] = capture.name;
+    if (!capture.actor.empty()) avatar.provenance["actor"] = capture.actor;
     avatar.provenance["command"] = options.common.commandLine;
     avatar.provenance["precision"] = options.common.precision;
     avatar.provenance["seed"] = fmt::format("{}", options.common.seed);

@@ -69,8 +69,8 @@ Keypoints readKeypoints(const fs::path& path, std::string scheme, size_t frames)
 void requireFolder(const fs::path& folder, const char* what) {
     std::error_code error;
     if (fs::is_directory(folder, error)) return;
-    throwInput("{}: expected {}, found {}", folder.string(), what,
-               fs::exists(folder, error) ? "a file" : "nothing");
+    throwInput("{}: expected {}, found {}; docs/formats.md has a capture's files", folder.string(),
+               what, fs::exists(folder, error) ? "a file" : "nothing");
 }
 
 void requireSize(const fs::path& path, const Camera& camera, const char* of) {
@@ -155,8 +155,10 @@ Capture readCapture(const fs::path& folder) {
         std::sort(names.begin(), names.end(), naturallyBefore);
     }
     if (names.empty()) {
-        throwInput("{}: expected one picture (.png, .jpg) or more, found none",
-                   (folder / "images").string());
+        throwInput(
+            "{}: expected one picture (.png, .jpg) or more, found none; docs/formats.md has "
+            "a capture's files",
+            (folder / "images").string());
     }
     const Cameras cameras = readCameras(folder / "cameras.npz", names.size());
     std::error_code error;

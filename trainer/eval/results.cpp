@@ -110,17 +110,44 @@ std::string markdownText(const std::string& text) {
 
 std::vector<CollectionEntry> findCaptures(const fs::path& folder) {
     if (!fs::is_directory(folder))
-        throwInput("{}: expected a capture or a folder of captures, found {}", folder.string(),
-                   fs::exists(folder) ? "a file" : "nothing");
+        throwInput(
+            "{}: expected a capture or a folder of captures, found {}; docs/formats.md has "
+            "a capture's files",
+            folder.string(), fs::exists(folder) ? "a file" : "nothing");
     std::vector<CollectionEntry> entries;
     const std::string parent = ownName(plainPath(folder).parent_path());
     collect(folder, parent, 0, entries);
     if (entries.empty())
         throwInput(
             "{}: expected a capture, or captures as {}/ACTOR/MOTION, found none (a capture "
-            "has images/ and poses.npz)",
+            "has images/ and poses.npz, see docs/formats.md)",
             folder.string(), folder.string());
     return entries;
+}
+
+std::string whoseFrames(const std::map<std::string, std::string>& provenance,
+                        const Capture& capture, size_t seen) {
+    if (seen > 0) {
+        return fmt::format(
+            "the avatar was trained on {} of these {} frames: their figures say how well it learnt "
+            "them, not how well it draws others",
+            seen, capture.size());
+    }
+    const auto of = [&](const char* key) {
+        const auto at = provenance.find(key);
+        return at == provenance.end() ? std::string() : at->second;
+    };
+    const std::string actor = of("actor"), name = of("capture");
+    if (!actor.empty() && !capture.actor.empty()) {
+        if (actor == capture.actor) return {};
+        return fmt::format("the avatar is of {}, the capture of {}: the figures compare two people",
+                           actor, capture.actor);
+    }
+    if (name.empty() || name == capture.name) return {};
+    return fmt::format(
+        "the avatar was learnt from \"{}\", and this is \"{}\": if it shows somebody else, the "
+        "figures compare two people",
+        name, capture.name);
 }
 
 fs::path avatarOf(const fs::path& folder, const std::string& actor) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <span>
 #include <string>
@@ -79,6 +80,12 @@ std::string resultsMarkdown(const std::vector<ResultRow>& rows,
 std::string resultsCsv(const std::vector<ResultRow>& rows);
 std::string resultsJson(const std::vector<ResultRow>& rows, const Settings& settings,
                         const std::vector<std::string>& remarks);
+// Whether the figures of these frames, of which `seen` were trained on, mean what they seem to: a
+// sentence where training saw some of them, or where the avatar, by what its provenance says of its
+// capture, may be somebody else's. Empty: they do.
+std::string whoseFrames(const std::map<std::string, std::string>& provenance,
+                        const Capture& capture, size_t seen);
+
 // NAME.json, NAME.csv and NAME.md.
 // InputError, before any work, where writeResults would replace somebody else's files.
 void claimResults(const std::filesystem::path& folder, const std::string& name);

@@ -125,6 +125,7 @@ struct Clip::Source {
     ImageSize size;  // of the first picture
     int rows = 0;
     double fps = 0, time = 0, start = 0;
+    std::string damage;
 };
 
 Clip::Clip(const fs::path& source, const ClipOptions& options)
@@ -146,7 +147,13 @@ bool Clip::next(Image& picture) {
     Source& s = *source_;
     const bool first = s.next == 0;
     if (s.video) {
-        if (!s.video->next(picture)) return false;
+        try {
+            if (!s.damage.empty() || !s.video->next(picture)) return false;
+        } catch (const InputError& error) {
+            if (first) throw;
+            s.damage = error.what();  // what came before is good
+            return false;
+        }
         if (first) s.start = s.video->time();
         // Times that do not ascend are a damaged file's.
         s.time = first ? 0 : std::max(s.video->time() - s.start, s.time + 1e-4);
@@ -173,7 +180,11 @@ bool Clip::next(Image& picture) {
 
 double Clip::time() const { return source_->time; }
 
+const std::string& Clip::damage() const { return source_->damage; }
+
 double Clip::duration() const { return source_->video ? source_->video->duration() : 0; }
+
+const char* Clip::highRange() const { return source_->video ? source_->video->highRange() : ""; }
 
 int64_t Clip::expected() const {
     return source_->video ? source_->video->frameCount() : int64_t(source_->pictures.size());

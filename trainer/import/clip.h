@@ -22,7 +22,8 @@ struct ClipOptions {
 };
 
 // Reads one picture at a time, so that memory does not depend on the length. InputErrors name the
-// file: see VideoReader and readImage; a folder's pictures have one size.
+// file: see VideoReader and readImage; a folder's pictures have one size. A video that is damaged
+// behind its first picture ends there.
 class Clip {
 public:
     Clip(const std::filesystem::path& source, const ClipOptions& options);
@@ -30,9 +31,11 @@ public:
 
     // The next picture, 3 channels, upright; false at the end.
     bool next(Image& picture);
-    double time() const;       // of that picture, seconds from the first
-    double duration() const;   // seconds, as a video says; 0: not known
-    int64_t expected() const;  // pictures, as far as is known; −1: not known
+    double time() const;                // of that picture, seconds from the first
+    const std::string& damage() const;  // why it ended before its end; empty: it did not
+    double duration() const;            // seconds, as a video says; 0: not known
+    const char* highRange() const;      // see VideoReader; empty of pictures
+    int64_t expected() const;           // pictures, as far as is known; −1: not known
 
 private:
     struct Source;

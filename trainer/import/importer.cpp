@@ -51,8 +51,8 @@ ImportSource readImportSource(const ImportRequest& request) {
         throwInput("{}: expected a video or a folder to import, found {}", source.string(),
                    fs::exists(source, error) ? "neither" : "nothing");
     }
-    throwInput("{}: expected a known layout: {}; found {}", source.string(),
-               fmt::join(looks, ", or "), found(source));
+    throwInput("{}: expected a known layout: {}; found {}; docs/formats.md has a capture's files",
+               source.string(), fmt::join(looks, ", or "), found(source));
 }
 
 }  // namespace doppel

@@ -198,8 +198,10 @@ Capture readClip(const ImportRequest& request) {
         found.numbers.push_back(int32_t(i));
     }
     if (capture.frames.empty()) {
-        throwInput("{}: expected a person in its {} frames, found nobody", request.source.string(),
-                   nobody);
+        throwInput(
+            "{}: expected a person in its {} frames, found nobody; film one person, whole "
+            "and upright, at least a third as high as the picture",
+            request.source.string(), nobody);
     }
     const auto seenFaces =
         std::ranges::count_if(found.faces, [](const auto& f) { return bool(f); });
@@ -240,8 +242,15 @@ Capture readClip(const ImportRequest& request) {
     std::string left = leftOut(frames);
     if (nobody > 0) left += fmt::format("{}{} without a person", left.empty() ? "" : ", ", nobody);
     if (!left.empty()) capture.source["left_out"] = left;
-    if (const std::string ends = endsEarly(frames, clip.duration()); !ends.empty())
+    const std::string ends = endsEarly(frames, clip.duration());
+    clip.next(picture);  // past the last one: what ended the clip
+    if (!clip.damage().empty())
+        capture.source["ends"] = fmt::format("at {:.2f} s of {:.2f} s: {}", frames.back().time,
+                                             clip.duration(), clip.damage());
+    else if (!ends.empty())
         capture.source["ends"] = ends;
+    if (const std::string range = clip.highRange(); !range.empty())
+        capture.source["range"] = range + ", high dynamic range, brought to sRGB";
     if (const std::string cuts = cutsOf(frames); !cuts.empty()) capture.source["cuts"] = cuts;
     if (tracker.people().size() > 1) {
         capture.source["people"] = fmt::format(
