@@ -6,6 +6,7 @@
 #include "engine/io/image.h"
 #include "tests/estimate_scene.h"
 #include "trainer/import/import.h"
+#include "trainer/motion/motion.h"
 
 namespace doppel {
 namespace {
@@ -124,6 +125,15 @@ TEST(GivenPoses, RefusesWhatDoesNotFit) {
         return py::dict({{py::integer(1), bytes}});
     };
     write(folder, "late.pkl", late(900));
+    const auto apart = py::dict({{py::integer(1), vibePerson(truth, {{0, 1}})}});
+    std::string bytes = apart;
+    const std::string ids = py::list({py::integer(0), py::integer(1)});
+    bytes.replace(bytes.rfind(ids), ids.size(), py::list({py::integer(0), py::integer(99999999)}));
+    write(folder, "apart.pkl", bytes);
+    EXPECT_NE(messageOf<InputError>([&] {
+                  readMotion(folder / "apart.pkl");
+              }).find("apart.pkl: expected poses of at most 1000000 pictures, found more"),
+              std::string::npos);
     EXPECT_NE(messageOf<InputError>([&] { scene.take(folder / "late.pkl"); })
                   .find("late.pkl: expected poses of the capture's frames, found poses of other "
                         "pictures: 6 frames from 0 on, poses from picture 900 on"),

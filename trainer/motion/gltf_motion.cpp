@@ -14,7 +14,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr size_t kMostFrames = 1'000'000;
+constexpr size_t kMostFrames = 1'000'000, kMostPlaces = size_t{1} << 28;
 
 glm::dquat quaternion(const std::array<double, 4>& q) { return {q[3], q[0], q[1], q[2]}; }
 
@@ -155,9 +155,11 @@ Motion readGltfMotion(const fs::path& path) {
         end = std::max(end, channel.times.back());
     }
     const double rate = rateOf(clip), count = std::floor((end - begin) * rate + 1e-3) + 1;
-    if (!(count <= static_cast<double>(kMostFrames)))
-        throwInput("{}: animation times: expected at most {} frames, found {}", path.string(),
-                   kMostFrames, count);
+    if (!(count <= static_cast<double>(kMostFrames)) ||
+        !(count * static_cast<double>(file.nodes.size()) <= static_cast<double>(kMostPlaces)))
+        throwInput("{}: animation times: expected at most {} frames of {} nodes, found {}",
+                   path.string(), std::min(kMostFrames, kMostPlaces / file.nodes.size()),
+                   file.nodes.size(), count);
     source.frames = static_cast<size_t>(count);
     source.frameTime = 1 / rate;
     const SkeletonMotion::Placement rest = placementOf(restOf(file));

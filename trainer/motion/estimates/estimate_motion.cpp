@@ -16,10 +16,10 @@ constexpr Camera kCamera{1663, 1663, 960, 540, 1920, 1080};
 // Pictures between two poses are filled along straight lines and shortest turns, so that the motion
 // keeps its speed.
 void append(Motion& motion, const Theta& theta, const Trans& trans, int64_t pictures) {
-    constexpr int64_t kMost = 100'000;
-    if (pictures > kMost)
-        throwInput("{}: expected at most {} pictures without a pose, found {}",
-                   motion.source.string(), kMost, pictures);
+    constexpr int64_t kMost = 1'000'000;
+    if (pictures > kMost - static_cast<int64_t>(motion.size()))
+        throwInput("{}: expected poses of at most {} pictures, found more", motion.source.string(),
+                   kMost);
     for (int64_t k = 1; k <= pictures; ++k) {
         const double share = static_cast<double>(k) / static_cast<double>(pictures);
         if (k == pictures) {
