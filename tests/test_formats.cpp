@@ -435,6 +435,9 @@ TEST(Formats, Obj) {
         low = std::min(low, found.y);
     }
     EXPECT_NEAR(low, 0, 1e-5);
+    const auto& pelvis = posed.joints[0];
+    EXPECT_NEAR(pelvis[0] + offset.x, 0, 1e-4) << "above the origin";
+    EXPECT_NEAR(-pelvis[2] + offset.z, 0, 1e-4);
 
     // Its own files are replaced; somebody else's are not.
     exportAvatar(testDevice(), avatar, folder / "a.obj", nullptr);

@@ -419,8 +419,11 @@ void exportAvatar(Device& device, const Avatar& avatar, const std::filesystem::p
     if (ending == ".obj" && motion) {
         verts = renderer.vertices(motion->theta[0], motion->trans[0]);
         const glm::dquat upright = uprightRotation(*motion);
+        const Trans& t = motion->trans[0];
+        glm::dvec3 pelvis = upright * (Rig(avatar).rest[0] + glm::dvec3(t[0], t[1], t[2]));
+        pelvis.y = 0;
         for (size_t v = 0; v < verts.size() / 3; ++v) {
-            const glm::dvec3 turned = upright * vertex(verts, v);
+            const glm::dvec3 turned = upright * vertex(verts, v) - pelvis;
             for (int c = 0; c < 3; ++c)
                 verts[3 * v + static_cast<size_t>(c)] = static_cast<float>(turned[c]);
         }

@@ -85,10 +85,12 @@ void writeBvh(const fs::path& out, const GltfScene& scene) {
         order.push_back(j);
         const GltfJoint& joint = scene.skeleton[j];
         const std::string indent(static_cast<size_t>(depth), '\t');
-        glm::dvec3 offset(joint.position[0], joint.position[1], joint.position[2]);
+        // Some programs add the root's offset to its place, and others do not: it has none.
+        glm::dvec3 offset(0);
         if (joint.parent >= 0) {
             const auto& above = scene.skeleton[static_cast<size_t>(joint.parent)].position;
-            offset -= glm::dvec3(above[0], above[1], above[2]);
+            offset = glm::dvec3(joint.position[0], joint.position[1], joint.position[2]) -
+                     glm::dvec3(above[0], above[1], above[2]);
         }
         offset *= 100;
         text += fmt::format("{}{} {}\n{}{{\n{}\tOFFSET {:.6f} {:.6f} {:.6f}\n", indent,
