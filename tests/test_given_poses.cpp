@@ -2,6 +2,8 @@
 // names, scales, other clips.
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
+
 #include "engine/error.h"
 #include "engine/io/image.h"
 #include "tests/estimate_scene.h"
@@ -23,9 +25,11 @@ TEST(GivenPoses, TheMaskTellsWhoItIs) {
                     {py::integer(8), vibePerson(truth, {{0, 1, 2}})},
                     {py::integer(9), vibePerson(truth, {{3, 4, 5}})}}));
     Scene scene(folder / "capture");
+    scene.capture.source["heads"] = "by the ears";
     EXPECT_EQ(scene.take(folder / "vibe_output.pkl").told,
               "VIBE, person 8 and 9 of 3 people, boxes as they are");
     expectTruth(scene, truth);
+    EXPECT_FALSE(scene.capture.source.contains("heads")) << "theirs are the given poses'";
 }
 
 TEST(GivenPoses, GapsAreFilledOrLeftOut) {
@@ -48,7 +52,18 @@ TEST(GivenPoses, GapsAreFilledOrLeftOut) {
         Npz landmarks;
         landmarks.set("presence", Array::f32({6}, presence));
         writeNpz(place / "landmarks.npz", landmarks, false);
+        folder.write("made/quality.json",
+                     std::string("{\"frames\": 6, \"left_out\": [], \"per_frame\": {"
+                                 "\"000004\": {\"presence\": 1}, \"000005\": {}}}"));
         made.take(folder / "vibe_output.pkl", "clip.mp4", place);
+        notePoseOverlaps(place, made.capture, std::vector<double>{.5, .6, .7, .8, .9});
+        const auto quality = nlohmann::json::parse(bytesOf(place / "quality.json"));
+        EXPECT_EQ(quality["frames"], 5);
+        EXPECT_EQ(quality["left_out"][0]["frame"], 5);
+        EXPECT_FALSE(quality["per_frame"].contains("000005"));
+        EXPECT_EQ(quality["per_frame"]["000004"]["presence"], 1);
+        EXPECT_EQ(quality["per_frame"]["000004"]["pose_iou"], .9);
+        EXPECT_NEAR(quality["pose_iou"].get<double>(), .7, 1e-9);
         EXPECT_TRUE(fs::exists(place / "images/000004.png"));
         EXPECT_FALSE(fs::exists(place / "images/000005.png"));
         EXPECT_FALSE(fs::exists(place / "masks/000005.png"));

@@ -4,10 +4,12 @@
 #include <charconv>
 #include <cmath>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
 
 #include "engine/error.h"
+#include "engine/files/atomic_file.h"
 #include "engine/io/image.h"
 #include "engine/io/video.h"
 #include "trainer/data/progress.h"
@@ -375,6 +377,20 @@ std::vector<size_t> framesToTry(Search& search, const Capture& capture, size_t p
     return tried;
 }
 
+// A clip's quality.json, changed; nothing where there is none.
+template <typename Change>
+void changeQuality(const fs::path& workspace, Change change) {
+    const fs::path path = workspace / "quality.json";
+    std::error_code error;
+    if (workspace.empty() || !fs::exists(path, error)) return;
+    const std::vector<uint8_t> bytes = readWholeFile(path);
+    auto json = nlohmann::ordered_json::parse(bytes.begin(), bytes.end());
+    change(json);
+    AtomicFile file(path);
+    file.write(json.dump(1) + "\n");
+    file.commit();
+}
+
 // What belongs to frames that are left out goes from the workspace.
 void leaveOut(Capture& capture, const std::vector<size_t>& kept, const fs::path& workspace) {
     std::vector<bool> stays(capture.size());
@@ -387,6 +403,15 @@ void leaveOut(Capture& capture, const std::vector<size_t>& kept, const fs::path&
         if (frame.mask && frame.mask->parent_path() == workspace / "masks")
             fs::remove(*frame.mask, ignored);
     }
+    changeQuality(workspace, [&](nlohmann::ordered_json& json) {
+        for (size_t f = 0; f < capture.size(); ++f) {
+            if (stays[f]) continue;
+            json["per_frame"].erase(capture.frames[f].name);
+            json["left_out"].push_back({{"frame", numberIn(capture.frames[f].name).value_or(0)},
+                                        {"why", "no pose was given"}});
+        }
+        json["frames"] = kept.size();
+    });
     const fs::path landmarks = workspace / "landmarks.npz";
     if (!workspace.empty() && fs::exists(landmarks, ignored)) {
         const Npz all = readNpz(landmarks);
@@ -495,11 +520,24 @@ GivenPoses takeGivenPoses(Capture& capture, const GivenPosesRequest& request,
                         degrees, estimates.program);
     }
     capture.source["poses"] = "given: " + given.told;
+    capture.source.erase("heads");  // where they look is the given poses' as well
     if (!given.filled.empty()) capture.source["poses_filled"] = given.filled;
     for (const EstimatedPerson& person : estimates.people)
         if (people.size() == 1 && &person == &estimates.people[*people.begin()] && person.betas)
             capture.sourceBetas = person.betas;
     return given;
+}
+
+void notePoseOverlaps(const fs::path& workspace, const Capture& capture,
+                      std::span<const double> overlaps) {
+    changeQuality(workspace, [&](nlohmann::ordered_json& json) {
+        double sum = 0;
+        for (size_t f = 0; f < overlaps.size(); ++f) {
+            json["per_frame"][capture.frames[f].name]["pose_iou"] = overlaps[f];
+            sum += overlaps[f];
+        }
+        if (!overlaps.empty()) json["pose_iou"] = sum / static_cast<double>(overlaps.size());
+    });
 }
 
 }  // namespace doppel

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -37,5 +38,10 @@ struct GivenPoses {
 // masks however the file is read.
 GivenPoses takeGivenPoses(Capture& capture, const GivenPosesRequest& request,
                           const DrawBody& drawBody);
+
+// Adds how well the given poses cover the masks to a clip's quality.json, where there is one:
+// pose_iou, of each frame and in the mean. overlaps: IoU of each frame.
+void notePoseOverlaps(const std::filesystem::path& workspace, const Capture& capture,
+                      std::span<const double> overlaps);
 
 }  // namespace doppel

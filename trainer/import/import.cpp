@@ -143,6 +143,7 @@ ImportResult importCapture(const ImportSettings& settings, const DrawBody& drawB
         progress.update(int64_t(f) + 1);
     }
     if (result.iou.size() < frames) result.iou.clear();
+    if (!result.poses.empty()) notePoseOverlaps(writer.folder(), capture, result.iou);
     if (film) film->finish();
     if (settings.overlays) {
         writeImage(writer.folder() / "overlay.jpg", tiles(sheet, kSheetColumns));
