@@ -34,11 +34,12 @@ std::string requestOf(const ImportOptions& options) {
     return fmt::format(
         "source = {}\nbytes = {}\nkey = {}\nfps = {}\nframes = {}\nfrom = {}\nto = {}\nevery = {}\n"
         "rows = {}\nkeep_similar = {}\npose = {}\nperson = {}\nfov = {}\nheight = {}\nbody = "
-        "{}\nplate = {}\n{}",
+        "{}\nplate = {}\nmatting = {} {}\n{}",
         fs::absolute(r.source).lexically_normal().string(),
         fs::is_regular_file(r.source, ignored) ? fs::file_size(r.source, ignored) : 0, r.key, r.fps,
         r.frames, clip.from, clip.to, clip.every, clip.rows, clip.keepSimilar, options.net,
-        r.person, r.fov, r.height, options.body, r.plate.string(),
+        r.person, r.fov, r.height, options.body, r.plate.string(), r.matting.string(),
+        r.mattingKind,
         r.poses.empty()
             ? std::string()
             : fmt::format("poses = {}\n", fs::absolute(r.poses).lexically_normal().string()));

@@ -160,6 +160,16 @@ void declareImportFlags(CommandFlags& flags, ImportOptions& o) {
     flags.path("--plate", o.settings.request.plate,
                "Of a clip by a camera that stands still: a picture of the scene without the "
                "person, for sharper masks");
+    flags.path(
+        "--matting", o.settings.request.matting,
+        "Of a clip: a network of yours that cuts people out, FILE.onnx: takes RGB [1,3,H,W], "
+        "gives [1,1,H,W] from 0 to 1; where Doppel is built with OpenCV's dnn");
+    flags
+        ->add_option("--matting-kind", o.settings.request.mattingKind,
+                     "What it takes: modnet: 512×512, colours from -1 to 1; isnet: 1024×1024, "
+                     "colours from -.5 to .5. RVM takes its own last outputs too and cannot be run")
+        ->capture_default_str()
+        ->check(CLI::IsMember({"modnet", "isnet"}));
     flags.body(o.body);
     flags->add_flag("!--no-overlays", o.settings.overlays, "Leave the overlay pictures out");
 }

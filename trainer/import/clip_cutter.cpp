@@ -12,6 +12,7 @@ namespace doppel {
 namespace {
 
 constexpr double kPlateDistance = 16;   // values of 255: more is another scene
+constexpr double kNear = 1. / 16;       // of the square's side
 constexpr double kLeastAgreement = .7;  // IoU of a key's mask with the network's
 // Of the square's side: whole pixels that hold a screen's light.
 constexpr double kChoke = 1. / 800;
@@ -75,7 +76,16 @@ FrameCut ClipCutter::cut(const Image& rgb, const std::vector<float>& share, doub
     const std::vector<uint8_t> network = surely(share);
     CutOut byColours = masks_.cutOut(rgb, share, side);
     FrameCut result{std::move(byColours.mask), byColours.doubtful, 0};
-    if (key_) {
+    if (matting_) {
+        // It finds everybody: the person is whoever is near the network's mask.
+        const std::vector<float> matte = matting_->share(rgb);
+        const auto away = distanceTo(network, rgb.width, rgb.height);
+        std::vector<uint8_t> cutOut(matte.size());
+        for (size_t i = 0; i < matte.size(); ++i)
+            cutOut[i] = matte[i] >= .5f && double(away[i]) < kNear * side ? 255 : 0;
+        if (intersectionOverUnion(cutOut, network) >= kLeastAgreement)
+            result.mask = std::move(cutOut);
+    } else if (key_) {
         std::vector<uint8_t> keyed = key_->mask(pictureOf(rgb), network);
         // A person who leaves the screen, or wears its colour, is not what is before it.
         if (intersectionOverUnion(keyed, network) >= kLeastAgreement) {
@@ -91,6 +101,7 @@ FrameCut ClipCutter::cut(const Image& rgb, const std::vector<float>& share, doub
 }
 
 std::string ClipCutter::source() const {
+    if (matting_) return fmt::format("the matting network {}", matting_->name());
     if (plateSet_) return fmt::format("the plate {}", plate_.filename().string());
     if (key_) {
         const auto [r, g, b] = key_->screen().colour();

@@ -1,5 +1,6 @@
 // Cuts the person out of a clip's frames, with whatever the clip offers: the network's mask, the
-// colours of the whole clip, a camera that stands still, a plate, a screen.
+// colours of the whole clip, a camera that stands still, a plate, a screen, a network of the
+// user's.
 #pragma once
 
 #include <filesystem>
@@ -8,6 +9,7 @@
 #include <string>
 
 #include "trainer/import/chroma_key.h"
+#include "trainer/import/matting.h"
 #include "trainer/person/mask.h"
 
 namespace doppel {
@@ -22,7 +24,9 @@ struct FrameCut {
 class ClipCutter {
 public:
     // InputError where the plate is no picture. Empty: there is none.
-    explicit ClipCutter(std::filesystem::path plate) : plate_(std::move(plate)) {}
+    explicit ClipCutter(std::filesystem::path plate,
+                        std::unique_ptr<MattingNetwork> matting = nullptr)
+        : plate_(std::move(plate)), matting_(std::move(matting)) {}
 
     // In a first pass, each frame and personShare() of it.
     void learn(const Image& rgb, const std::vector<float>& share);
@@ -43,6 +47,7 @@ public:
 
 private:
     std::filesystem::path plate_;
+    std::unique_ptr<MattingNetwork> matting_;  // where given, it decides
     bool plateSet_ = false;
     ClipMasks masks_;
     std::unique_ptr<PersonKey> key_;

@@ -136,6 +136,9 @@ Capture readClip(const ImportRequest& request) {
     options.fps = request.fps;
     BlazePose pose(*request.device, request.net);
     pose.requireModels();
+    std::unique_ptr<MattingNetwork> matting;
+    if (!request.matting.empty())
+        matting = std::make_unique<MattingNetwork>(request.matting, request.mattingKind);
     const std::vector<ClipFrame> frames = surveyClip(request.source, options);
 
     Capture capture;
@@ -143,7 +146,7 @@ Capture readClip(const ImportRequest& request) {
     createFolders(request.workspace / "masks");
     const fs::path shares = request.workspace / "shares";
     createFolders(shares);
-    ClipCutter cutter(request.plate);
+    ClipCutter cutter(request.plate, std::move(matting));
     Clip clip(request.source, options);
     PersonTracker tracker(pose, request.person);
     FaceFinder faces(*request.device);
