@@ -96,6 +96,14 @@ unsigned long Screen::window() {
     return found;
 }
 
+std::string Screen::title() {
+    char* name = nullptr;
+    std::string title;
+    if (XFetchName(asDisplay(display_), window(), &name) && name) title = name;
+    if (name) XFree(name);
+    return title;
+}
+
 void Screen::resizeWindow(int width, int height) {
     XResizeWindow(asDisplay(display_), window(), static_cast<unsigned>(width),
                   static_cast<unsigned>(height));

@@ -31,6 +31,7 @@ public:
     }
 
     // Of the first window on the screen.
+    std::string title();
     void resizeWindow(int width, int height);
     void hideWindow();
     void showWindow();

@@ -69,15 +69,13 @@ TEST_F(ViewerTest, ThePanelOpensAndDoesNotOrbit) {
     settle();
     ASSERT_TRUE(viewer.settings().panel);
     const Pane& pane = viewer.panes().back();
-    EXPECT_EQ(pane.width, kWidth - Viewer::kPanelWidth);
+    EXPECT_EQ(pane.width, kWidth - viewer.panelWidth());
     double yaw = viewer.camera().yaw;
-    drag({pane.width + 60.0, 420}, {pane.width + 200.0, 420});
+    const glm::dvec2 free(pane.width + 220, itemAt("View").y);
+    drag(free, free + glm::dvec2(90, 0));
     EXPECT_EQ(viewer.camera().yaw, yaw);
     EXPECT_FALSE(viewer.settings().wireframe);
-    screen_->move(pane.width + 18.0, 132);  // its box
-    turn();
-    screen_->click(1);
-    settle();
+    clickItem("wireframe");
     EXPECT_TRUE(viewer.settings().wireframe);
 }
 
@@ -87,29 +85,28 @@ TEST_F(ViewerTest, RemembersItsPanelWhileTheMouseRests) {
     screen_->key("n");
     settle();
     ASSERT_TRUE(viewer.settings().panel);
-    int left = viewer.panes().back().width;
-    auto restAt = [&](double x, double y) {
-        screen_->move(x, y);
+    auto restAt = [&](glm::dvec2 place) {
+        screen_->move(place.x, place.y);
         rest();
     };
-    auto clickAt = [&](double x, double y) {
-        restAt(x, y);
+    auto clickAt = [&](const std::string& label) {
+        restAt(itemAt(label));
         screen_->press(1);
         rest();
         screen_->release(1);
         rest();
     };
-    clickAt(left + 18, 132);
+    clickAt("wireframe");
     EXPECT_TRUE(viewer.settings().wireframe) << "a box";
-    clickAt(left + 18, 132);
+    clickAt("wireframe");
     EXPECT_FALSE(viewer.settings().wireframe) << "a box";
 
-    clickAt(left + 80, 69);  // the list of surfaces
-    clickAt(left + 80, 113);
+    clickAt("surface");
+    clickAt("normals");
     EXPECT_EQ(viewer.settings().paint, kPaintNormals) << "an open list";
 
-    clickAt(left + 155, 17);  // the tab of files
-    clickAt(left + 80, 88);   // the path
+    clickAt("Files");
+    clickAt("path");
     for (const char* key : {"w", "n", "h", "5"}) {
         screen_->key(key);
         rest();
@@ -118,15 +115,17 @@ TEST_F(ViewerTest, RemembersItsPanelWhileTheMouseRests) {
     EXPECT_TRUE(viewer.settings().panel) << "the path's field";
     EXPECT_FALSE(viewer.settings().help) << "the path's field";
     EXPECT_FALSE(viewer.camera().orthographic) << "the path's field";
-    clickAt(left + 24, 111);  // opens what was typed
+    screen_->key("Return");  // opens what was typed, as the button does
+    rest();
     EXPECT_NE(viewer.message().find("wnh5"), std::string::npos) << viewer.message();
 
-    restAt(100, kHeight - 34);  // the timeline's slider
+    const glm::dvec2 slider = {100, itemAt("frame").y};
+    restAt(slider);
     screen_->press(1);
     rest();
     double began = viewer.timeline();
     EXPECT_GT(began, 5);
-    restAt(300, kHeight - 34);
+    restAt(slider + glm::dvec2(200, 0));
     EXPECT_NEAR(viewer.timeline() - began, 120 * 200 / (kWidth - 16.0), 3) << "a held slider";
     screen_->release(1);
     rest();
@@ -264,6 +263,96 @@ TEST_F(ViewerTest, TheWidestVectorsShowTheSame) {
     int status = 0;
     waitpid(wide, &status, 0);
     EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
+}
+
+TEST_F(ViewerTest, AClickIntoTheEmptyDeselectsAndAnOrbitDoesNot) {
+    Viewer& viewer = open();
+    glm::dvec2 elbow = at(joint::kLeftElbow);
+    auto select = [&] {
+        screen_->move(elbow.x, elbow.y);
+        turn();
+        screen_->click(1);
+        settle();
+        ASSERT_EQ(viewer.selected(), size_t{joint::kLeftElbow});
+    };
+    select();
+    drag({30, 380}, {80, 380});
+    EXPECT_TRUE(viewer.selected());
+    viewer.camera().yaw = 0;
+    settle();
+    screen_->move(30, 380);
+    turn();
+    screen_->click(1);
+    settle();
+    EXPECT_FALSE(viewer.selected());
+    // F sees the joint, Home all of the body.
+    double all = viewer.camera().distance;
+    select();
+    screen_->key("f");
+    settle();
+    EXPECT_LT(viewer.camera().distance, .6 * all);
+    const Pane& pane = viewer.panes().back();
+    for (size_t j : {joint::kLeftElbow, joint::kLeftWrist}) {
+        EXPECT_GT(at(j).x, 0);
+        EXPECT_LT(at(j).x, pane.width);
+        EXPECT_GT(at(j).y, 0);
+        EXPECT_LT(at(j).y, pane.height);
+    }
+    screen_->key("Home");
+    settle();
+    EXPECT_NEAR(viewer.camera().distance, all, .1 * all);
+}
+
+TEST_F(ViewerTest, TheWheelGoesToWhatIsUnderTheMouse) {
+    open();
+    glm::dvec2 wrist = at(joint::kLeftWrist);
+    double head = glm::distance(at(joint::kHead), wrist);
+    screen_->move(wrist.x, wrist.y);
+    turn();
+    for (int i = 0; i < 4; ++i) screen_->click(4);
+    settle();
+    EXPECT_LT(glm::distance(at(joint::kLeftWrist), wrist), 6);
+    EXPECT_GT(glm::distance(at(joint::kHead), at(joint::kLeftWrist)), 1.3 * head);
+    for (int i = 0; i < 4; ++i) screen_->click(5);
+    settle();
+    EXPECT_NEAR(glm::distance(at(joint::kHead), at(joint::kLeftWrist)), head, 1);
+}
+
+TEST_F(ViewerTest, TheCameraIsCopiedAsTheCommandTakesIt) {
+    Viewer& viewer = open();
+    viewer.camera().yaw = .5;
+    viewer.camera().pitch = -.25;
+    viewer.camera().target = {.1, -.2, 3};
+    viewer.camera().orthographic = true;
+    settle();
+    const OrbitCamera before = viewer.camera();
+    screen_->keyDown("Control_L");
+    keyWith("Shift_L", "c");
+    screen_->keyUp("Control_L");
+    const std::string text = viewer.window().clipboard();
+    ASSERT_TRUE(text.starts_with("--camera ")) << text;
+    screen_->key("1");
+    screen_->key("5");
+    settle();
+    screen_->keyDown("Control_L");
+    keyWith("Shift_L", "v");
+    screen_->keyUp("Control_L");
+    settle();
+    auto expectBefore = [&](const OrbitCamera& camera) {
+        EXPECT_NEAR(camera.yaw, before.yaw, 1e-6);
+        EXPECT_NEAR(camera.pitch, before.pitch, 1e-6);
+        EXPECT_NEAR(camera.distance, before.distance, 1e-6);
+        EXPECT_NEAR(glm::distance(camera.target, before.target), 0, 1e-5);
+        EXPECT_NEAR(camera.fieldOfView, before.fieldOfView, 1e-6);
+        EXPECT_TRUE(camera.orthographic);
+    };
+    expectBefore(viewer.camera());
+    expectBefore(readCameraText(text.substr(9)));
+    for (const char* wrong : {"", "1,2,3", "1,2,-3,0,0,0,40", "1,2,3,0,0,0,40,wide",
+                              "nan,2,3,0,0,0,40", "1,2,3,0,0,1e9,40", "1,2,3,0,0,0,40,"})
+        EXPECT_NE(messageOf<InputError>([&] { readCameraText(wrong); }).find("camera: expected"),
+                  std::string::npos)
+            << wrong;
 }
 
 TEST_F(ViewerTest, SaysWhatIsWrong) {

@@ -2,6 +2,7 @@
 #include "engine/error.h"
 #include "engine/io/video.h"
 #include "tests/viewer_test.h"
+#include "trainer/avatar/checkpoint.h"
 #include "trainer/data/capture_writer.h"
 
 namespace doppel::test {
@@ -35,6 +36,20 @@ TEST_F(ViewerTest, PlaysMotions) {
     screen_->key("Left");
     settle();
     EXPECT_EQ(viewer.timeline(), std::floor(viewer.timeline()));
+    // At the end it starts over.
+    for (int i = 0; i < 10; ++i) {
+        screen_->key("Right");
+        turn(2);
+    }
+    settle();
+    ASSERT_EQ(viewer.timeline(), 8);
+    screen_->key("space");
+    await("the motion to play from its start", [&] {
+        viewer.frame();
+        return viewer.timeline() < 8;
+    });
+    screen_->key("space");
+    settle();
     EXPECT_EQ(messageOf<InputError>([&] { viewer.loadMotion(*folder_ / "none.npz"); }).empty(),
               false);
     EXPECT_EQ(viewer.frameCount(), 9);  // the old one is still there
@@ -174,12 +189,14 @@ TEST_F(ViewerTest, FollowsATrainingAndOutlivesItsFolder) {
     Viewer& viewer = open(options);
     Image before = picture();
     for (float& value : avatar.texture) value = 1 - value;
+    writeRunRecord(folder, {{{"stages", "shape,texels,mesh"}}, {"shape"}});
     writeAvatar(liveFolder(folder), avatar);
     fs::last_write_time(liveFolder(folder) / "avatar.toml",
                         fs::last_write_time(folder / "avatar.toml") + std::chrono::seconds(2));
     for (int i = 0; i < 100 && viewer.message().empty(); ++i) viewer.frame();
     settle();
-    EXPECT_EQ(viewer.message(), "the training's present state");
+    EXPECT_EQ(viewer.message(), "the training's present state: stage texels, 2 of 3");
+    EXPECT_EQ(screen_->title(), "training (in training: stage texels, 2 of 3) - Doppel");
     EXPECT_GT(difference(before, picture()), 0.02);
 
     fs::remove_all(folder);

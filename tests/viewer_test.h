@@ -17,6 +17,7 @@
 #include "tests/screen.h"
 #include "trainer/avatar/networks.h"
 #include "trainer/motion/session.h"
+#include "viewer/drawn_items.h"
 #include "viewer/viewer.h"
 
 namespace doppel::test {
@@ -136,6 +137,25 @@ protected:
         screen_->keyDown(modifier);
         screen_->key(key);
         screen_->keyUp(modifier);
+        settle();
+    }
+    // The middle of what the window has drawn under this name; of a slider, its left part.
+    glm::dvec2 itemAt(const std::string& label) {
+        // Of two the one that was drawn later, which lies above.
+        for (auto item = drawnItems().rbegin(); item != drawnItems().rend(); ++item)
+            if (item->label == label)
+                return {std::min((item->low.x + item->high.x) / 2.0, item->low.x + 60.0),
+                        (item->low.y + item->high.y) / 2.0};
+        ADD_FAILURE() << "the window has no \"" << label << "\"";
+        return {0, 0};
+    }
+    void clickItem(const std::string& label) {
+        glm::dvec2 place = itemAt(label);
+        screen_->move(place.x, place.y);
+        turn();
+        screen_->press(1);
+        turn();
+        screen_->release(1);
         settle();
     }
     glm::dvec2 at(size_t joint) { return viewer_->jointOnScreen(joint); }

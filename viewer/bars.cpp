@@ -11,94 +11,139 @@ namespace doppel {
 
 namespace {
 
-constexpr auto kTimelineHeight = float{Viewer::kTimelineHeight};
+constexpr size_t kMessagesShown = 4;
+
+// 12.3 s, or 1:02.3.
+std::string clock(double seconds) {
+    const double minutes = std::floor(seconds / 60);
+    return minutes > 0 ? fmt::format("{:.0f}:{:04.1f}", minutes, seconds - 60 * minutes)
+                       : fmt::format("{:.2f} s", seconds);
+}
 
 }  // namespace
 
 void Viewer::drawTimeline() {
     ImVec2 size = ImGui::GetIO().DisplaySize;
-    ImGui::SetNextWindowPos({0, size.y - kTimelineHeight});
-    ImGui::SetNextWindowSize({size.x, kTimelineHeight});
+    const auto unit = static_cast<float>(window_.unit());
+    const auto height = static_cast<float>(timelineHeight());
+    ImGui::SetNextWindowPos({0, size.y - height});
+    ImGui::SetNextWindowSize({size.x, height});
     ImGui::Begin("timeline", nullptr, kFixed | ImGuiWindowFlags_NoScrollbar);
-    int64_t count = frameCount();
-    if (ImGui::Button(playing_ ? "pause" : " play ")) play(!playing_);
+    // What a narrow window has no room for: the speed first, then the fade, the clock last.
+    const bool wide = size.x >= 760 * unit, wider = size.x >= 960 * unit;
+    if (button(playing_ ? "pause" : " play ")) play(!playing_);
     ImGui::SameLine();
-    ImGui::Checkbox("loop", &loop_);
+    checkbox("loop", loop_);
     ImGui::SameLine();
-    ImGui::PushItemWidth(110);
-    slider("speed", speed_, 0.1, 4, "%.2f x");
-    ImGui::PopItemWidth();
-    ImGui::SameLine();
-    double now = std::floor(timeline_);
-    if (ImGui::Button("key here")) {
-        editor_->setKeyframe(now);
-        say(fmt::format("key at frame {:.0f}", now));
-    }
-    ImGui::SameLine();
-    if (std::ranges::count(editor_->keyframes(), now, &Keyframe::time) > 0) {
-        if (ImGui::Button("remove key")) editor_->removeKeyframe(now);
+    if (wider) {
+        ImGui::PushItemWidth(90 * unit);
+        slider("speed", speed_, 0.1, 4, "%.2f x");
+        ImGui::PopItemWidth();
         ImGui::SameLine();
     }
-    if (motion() && hasKeys()) {
+    const double now = std::floor(timeline_);
+    if (button("key here")) setKey();
+    ImGui::SameLine();
+    const bool onKey = std::ranges::count(editor_->keyframes(), now, &Keyframe::time) > 0;
+    if (button("remove key", onKey)) editor_->removeKeyframe(now);
+    ImGui::SameLine();
+    if (wide && motion() && hasKeys()) {
         double fade = editor_->fade();
-        ImGui::PushItemWidth(80);
-        if (slider("fade", fade, 0, 60, "%.0f frames")) editor_->setFade(std::round(fade));
+        ImGui::PushItemWidth(90 * unit);
+        const bool changed = slider("fade", fade, 0, 60, "%.0f frames");
         if (ImGui::IsItemActivated()) editor_->beginGesture("fade");
+        if (changed) editor_->setFade(std::round(fade));
         if (ImGui::IsItemDeactivated()) editor_->endGesture();
         ImGui::PopItemWidth();
         ImGui::SameLine();
     }
-    if (count <= 1)
-        ImGui::TextDisabled("no motion: open one, or set keys at different frames");
-    else
-        ImGui::TextDisabled("%s", motion() ? motion()->name.c_str() : "keyframes");
+    const int last = static_cast<int>(timelineEnd());
+    const std::string where = fmt::format("{:.0f} / {}   {} / {}   {:.4g} fps", now, last,
+                                          clock(now / fps()), clock(last / fps()), fps());
+    // To the right; the motion's name where there is room between.
+    const float end = ImGui::GetWindowContentRegionMax().x,
+                whereWidth = ImGui::CalcTextSize(where.c_str()).x, from = ImGui::GetCursorPosX();
+    const std::string name = frameCount() > 1
+                                 ? (motion() ? motion()->name : "keys")
+                                 : "no motion: open one, or set keys at different frames";
+    if (from + ImGui::CalcTextSize(name.c_str()).x + 24 * unit + whereWidth <= end) {
+        ImGui::TextDisabled("%s", name.c_str());
+        ImGui::SameLine();
+    }
+    if (from + whereWidth <= end) {
+        ImGui::SetCursorPosX(end - whereWidth);
+        ImGui::TextUnformatted(where.c_str());
+        noteItem("clock");
+    } else {
+        ImGui::TextUnformatted(fmt::format("{:.0f} / {}", now, last).c_str());
+        noteItem("clock");
+    }
 
-    int last = static_cast<int>(timelineEnd());
     int frame = static_cast<int>(now);
     ImGui::PushItemWidth(-1);
-    ImVec2 at = ImGui::GetCursorScreenPos();
-    float width = ImGui::GetContentRegionAvail().x;
+    const ImVec2 at = ImGui::GetCursorScreenPos();
+    const float width = ImGui::GetContentRegionAvail().x;
     if (ImGui::SliderInt("##frame", &frame, 0, std::max(last, 1), "frame %d")) {
         play(false);
         timeline_ = std::clamp(frame, 0, last);
         lastTouched_ = Clock::now();
     }
+    noteItem("frame");
     ImGui::PopItemWidth();
     for (const Keyframe& key : editor_->keyframes()) {
-        float x = at.x + width * static_cast<float>(key.time / std::max(last, 1));
-        ImGui::GetWindowDrawList()->AddTriangleFilled({x - 4, at.y - 5}, {x + 4, at.y - 5},
-                                                      {x, at.y + 1}, IM_COL32(255, 180, 60, 255));
+        const float x = at.x + width * static_cast<float>(key.time / std::max(last, 1));
+        ImGui::GetWindowDrawList()->AddTriangleFilled(
+            {x - 4 * unit, at.y - 4 * unit}, {x + 4 * unit, at.y - 4 * unit}, {x, at.y + 2 * unit},
+            IM_COL32(255, 170, 40, 255));
     }
     ImGui::End();
 }
 
 void Viewer::drawStatus() {
+    messagesDrawn_ = visibleMessages();
+    if (panes_.empty()) return;
     ImDrawList& list = *ImGui::GetBackgroundDrawList();
-    auto text = [&](float x, float y, ImU32 colour, const std::string& words) {
-        list.AddText({x + 1, y + 1}, IM_COL32(0, 0, 0, 200), words.c_str());
-        list.AddText({x, y}, colour, words.c_str());
+    const auto unit = static_cast<float>(window_.unit());
+    const bool light = settings_.theme == Theme::Light;
+    const auto right =
+        static_cast<float>((panes_.back().x + panes_.back().width) / window_.scale());
+    float y = 8 * unit;
+    // A line, or more where it is longer than the picture is wide, on something to read it from.
+    auto text = [&](ImU32 colour, const std::string& words) {
+        const float wrap = std::max(right - 32 * unit, 60 * unit);
+        const ImVec2 size = ImGui::CalcTextSize(words.c_str(), nullptr, false, wrap);
+        list.AddRectFilled({8 * unit, y}, {20 * unit + size.x, y + size.y + 6 * unit},
+                           light ? IM_COL32(250, 250, 252, 215) : IM_COL32(18, 19, 22, 205),
+                           4 * unit);
+        list.AddText(ImGui::GetFont(), ImGui::GetFontSize(), {14 * unit, y + 3 * unit}, colour,
+                     words.c_str(), nullptr, wrap);
+        y += size.y + 9 * unit;
     };
+    const ImU32 plain = light ? IM_COL32(40, 44, 52, 255) : IM_COL32(205, 210, 220, 255);
+    const ImU32 good = light ? IM_COL32(10, 105, 40, 255) : IM_COL32(160, 230, 160, 255);
+    const ImU32 bad = light ? IM_COL32(180, 25, 20, 255) : IM_COL32(255, 130, 120, 255);
     std::string figures = fmt::format("pose {:.0f} ms, picture {:.0f} ms, window {:.0f} ms",
                                       times_.pose, times_.draw, times_.show);
     if (interacting() && times_.fps > 0)
         figures = fmt::format("{:.0f} fps: ", times_.fps) + figures;
-    bool painting = painter_->busy();
     if (times_.paint > 0) figures += fmt::format(", texture {:.0f} ms", times_.paint);
-    if (settings_.figures) text(12, 10, IM_COL32(200, 205, 215, 220), figures);
-    if (painting && settings_.figures)
-        text(12, 26, IM_COL32(255, 200, 110, 255), "painting the texture ...");
+    if (painter_->busy()) figures += ", painting the texture ...";
+    if (settings_.figures) text(plain, figures);
     if (film_)
-        text(12, 42, IM_COL32(255, 110, 110, 255),
+        text(bad,
              fmt::format("drawing the film: {:.0f} %  (Escape gives up)", 100.0 * filmProgress()));
-    messagesDrawn_ = 0;
-    for (const Message& message : messages_)
-        if (messageVisible(message))
-            text(12, 58 + 16 * static_cast<float>(messagesDrawn_++),
-                 message.wrong ? IM_COL32(255, 120, 110, 255) : IM_COL32(160, 230, 160, 255),
-                 message.text);
-    if (settings_.figures && !settings_.help && pictures_ < 400 && !panes_.empty())
-        text(12, ImGui::GetIO().DisplaySize.y - kTimelineHeight - 22, IM_COL32(200, 205, 215, 160),
-             "H: help");
+    size_t shown = 0;
+    for (auto message = messages_.rbegin(); message != messages_.rend() && shown < kMessagesShown;
+         ++message)
+        if (messageVisible(*message)) {
+            text(message->wrong ? bad : good, message->text);
+            ++shown;
+        }
+    if (settings_.figures && !settings_.help && pictures_ < 400) {
+        const float line = ImGui::GetFontSize();
+        y = static_cast<float>(panes_[0].height / window_.scale()) - line - 14 * unit;
+        text(plain, "H: help");
+    }
 }
 
 void Viewer::drawQuestion() {
@@ -106,20 +151,21 @@ void Viewer::drawQuestion() {
     constexpr const char* kName = "Doppel asks";
     if (!questionOpen_) ImGui::OpenPopup(kName);
     questionOpen_ = true;
-    ImVec2 size = ImGui::GetIO().DisplaySize;
+    const ImVec2 size = ImGui::GetIO().DisplaySize;
+    const auto unit = static_cast<float>(window_.unit());
     ImGui::SetNextWindowPos({size.x / 2, size.y / 2}, ImGuiCond_Always, {.5f, .5f});
     std::string chosen;
     if (ImGui::BeginPopupModal(kName, nullptr,
                                ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoMove |
                                    ImGuiWindowFlags_NoSavedSettings)) {
         if (question_) {
-            ImGui::PushTextWrapPos(std::min(420.0f, size.x - 40));
+            ImGui::PushTextWrapPos(std::min(420 * unit, size.x - 40 * unit));
             ImGui::TextUnformatted(question_->text.c_str());
             ImGui::PopTextWrapPos();
             ImGui::Spacing();
             for (size_t i = 0; i < question_->answers.size(); ++i) {
                 if (i > 0) ImGui::SameLine();
-                if (ImGui::Button(question_->answers[i].label.c_str()))
+                if (button(question_->answers[i].label.c_str()))
                     chosen = question_->answers[i].label;
             }
         } else {
@@ -134,16 +180,21 @@ void Viewer::drawQuestion() {
 
 void Viewer::drawHelp() {
     if (!settings_.help) return;
-    ImGui::SetNextWindowPos({40, 80}, ImGuiCond_Appearing);
+    const ImVec2 size = ImGui::GetIO().DisplaySize;
+    const auto unit = static_cast<float>(window_.unit());
+    ImGui::SetNextWindowPos({std::min(40 * unit, size.x / 20), std::min(60 * unit, size.y / 10)},
+                            ImGuiCond_Appearing);
+    ImGui::SetNextWindowSizeConstraints({0, 0}, {size.x * .95f, size.y * .88f});
     ImGui::Begin("Help", &settings_.help,
                  ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoSavedSettings);
     const char* rows[][2] = {
         {"drag a joint", "moves it, the limb follows"},
         {"drag a ring", "turns the selected joint"},
-        {"left or middle drag", "orbit"},
+        {"left or middle drag", "orbit; a click into the empty deselects"},
         {"right or Shift drag", "pan"},
         {"wheel, Ctrl + middle drag", "nearer, farther; with Shift or sideways: pan"},
-        {"F, Home", "see all of it"},
+        {"F, numpad .", "see the selected joint"},
+        {"Home", "see all of it"},
         {"1  3  7  (Shift: opposite)", "front, side, top"},
         {"5", "orthographic"},
         {"0", "the capture's camera"},
@@ -152,17 +203,19 @@ void Viewer::drawHelp() {
         {"M", "mirror"},
         {"Ctrl + Z, Ctrl + Shift + Z", "undo, redo"},
         {"Ctrl + C, Ctrl + V", "copy, paste the pose as JSON"},
+        {"Ctrl + Shift + C, V", "copy, paste the camera as --camera has it"},
         {"Space, left, right", "play, one frame back, on"},
         {"K", "key here; edits over a motion are keys of themselves"},
         {"Ctrl + S", "save what is seen, as a poses.npz"},
         {"B", "side by side: meshes, textures, off"},
         {"W  L  J", "wireframe, light, joints"},
         {"N, Tab", "panel"},
+        {"Ctrl + plus, minus, 0", "larger, smaller letters, as they were"},
         {"F12", "save the picture"},
         {"Escape", "give up a drag or a film, deselect"},
         {"Ctrl + Q", "quit"},
     };
-    if (ImGui::BeginTable("keys", 2)) {
+    if (ImGui::BeginTable("keys", 2, ImGuiTableFlags_SizingFixedFit)) {
         for (const auto& row : rows) {
             ImGui::TableNextRow();
             ImGui::TableNextColumn();

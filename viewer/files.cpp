@@ -91,6 +91,7 @@ void Viewer::loadMotion(const fs::path& path, const std::string& frames) {
     ++backdropVersion_;
     layOut();
     frameAll();
+    opened(path);
     say(keyed ? fmt::format("{}: {} keys", path.filename().string(), take.keys.size())
               : fmt::format("{}: {} frames", motion()->name, motion()->size()));
 }
@@ -108,6 +109,7 @@ void Viewer::loadPicture(const fs::path& path) {
     backdropPicture_ = readImage(path);
     settings_.backdrop = Backdrop::Picture;
     ++backdropVersion_;
+    opened(path);
 }
 
 void Viewer::pastePose(const fs::path& path) {
@@ -130,6 +132,25 @@ void Viewer::openFile(const fs::path& path) {
                     [this, path] { loadMotion(path); });
     else
         loadPicture(path);
+}
+
+void Viewer::opened(const fs::path& file) {
+    remember(preferences_, file);
+    writePreferences(options_.state, preferences_);
+}
+
+void Viewer::setLook(Theme theme, double scale) {
+    // Backgrounds of their own colour go along with the theme.
+    constexpr std::array<float, 3> kDark{0.20f, 0.22f, 0.25f}, kLight{.80f, .81f, .83f};
+    if (settings_.colour == (settings_.theme == Theme::Light ? kLight : kDark))
+        settings_.colour = theme == Theme::Light ? kLight : kDark;
+    settings_.theme = theme;
+    uiScale_ = std::clamp(scale, kSmallestScale, kLargestScale);
+    window_.setLook(uiScale_, theme);
+    preferences_.theme = theme;
+    preferences_.scale = uiScale_;
+    writePreferences(options_.state, preferences_);
+    framesToDraw_ = 3;
 }
 
 // ---- saving -------------------------------------------------------------------------------------
@@ -238,7 +259,7 @@ void Viewer::afterSaving(const std::string& what, std::function<void()> then) {
 void Viewer::askToLeave() {
     if (film_) cancelFilm();
     afterSaving("What you edited is not saved.", [this] {
-        mayClose_ = true;
+        givenUpVersion_ = editor_->version();
         window_.close();
     });
 }

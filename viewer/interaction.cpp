@@ -12,7 +12,8 @@ namespace doppel {
 
 namespace {
 
-constexpr double kPickRadius = 14, kRingPick = 7;  // window coordinates
+constexpr double kPickRadius = 14, kRingPick = 7;  // window units
+constexpr double kClick = 4;                       // that a click moves at most
 
 }  // namespace
 
@@ -42,7 +43,7 @@ std::optional<size_t> Viewer::jointAt(double x, double y) const {
     for (size_t j = 0; j < joint::kCount; ++j) {
         glm::dvec3 at = onScreen(body.position[j], *pane);
         double distance = glm::distance(glm::dvec2(at), glm::dvec2(x, y));
-        if (at.z <= 0 || distance > kPickRadius) continue;
+        if (at.z <= 0 || distance > kPickRadius * window_.unit()) continue;
         double score = distance + at.z;  // a metre of depth is worth a pixel
         if (score < least) {
             least = score;
@@ -58,7 +59,7 @@ std::vector<glm::dvec2> Viewer::ring(int axis, const Pane& pane) const {
     size_t j = selected_.value_or(0);
     glm::dvec3 centre = body.position[j];
     double depth = onScreen(centre, pane).z;
-    double radius = kRingRadius * window_.scale() * depth / cameraOf(pane).fx;
+    double radius = kRingRadius * window_.unit() * window_.scale() * depth / cameraOf(pane).fx;
     glm::dvec3 u = body.rotation[j][(axis + 1) % 3], v = body.rotation[j][(axis + 2) % 3];
     std::vector<glm::dvec2> points;
     for (int i = 0; i < kRingPoints; ++i) {
@@ -73,7 +74,8 @@ std::optional<Viewer::RingHit> Viewer::ringAt(double x, double y) const {
     const Pane* pane = paneAt(x, y);
     if (!pane || !selected_ || !settings_.joints) return std::nullopt;
     std::optional<RingHit> hit;
-    double least = kRingPick;
+    const double ringRadius = kRingRadius * window_.unit();
+    double least = kRingPick * window_.unit();
     for (int axis = 0; axis < 3; ++axis) {
         std::vector<glm::dvec2> points = ring(axis, *pane);
         for (size_t i = 0; i < points.size(); ++i) {
@@ -88,9 +90,9 @@ std::optional<Viewer::RingHit> Viewer::ringAt(double x, double y) const {
             // Seen from its edge a ring hardly moves: there the mouse turns it all the same.
             glm::dvec2 tangent = along * (kRingPoints / (2 * std::numbers::pi));
             double speed = glm::length(tangent);
-            if (speed < kRingRadius / 2)
-                tangent = speed > 0 ? tangent * (kRingRadius / 2 / speed)
-                                    : glm::dvec2(kRingRadius / 2, 0);
+            if (speed < ringRadius / 2)
+                tangent =
+                    speed > 0 ? tangent * (ringRadius / 2 / speed) : glm::dvec2(ringRadius / 2, 0);
             hit = RingHit{axis, tangent};
         }
     }
@@ -147,6 +149,7 @@ void Viewer::handleMouse() {
         if (!pane) return;
         dragPane_ = *pane;
         dragStart_ = mouse_;
+        dragMoved_ = false;
         bool left = ImGui::IsMouseClicked(0), right = ImGui::IsMouseClicked(1),
              middle = ImGui::IsMouseClicked(2);
         if (left && hovered_) {
@@ -171,13 +174,14 @@ void Viewer::handleMouse() {
                 orbit_.pan(30.0 * static_cast<double>(io.MouseWheelH),
                            30.0 * static_cast<double>(io.MouseWheel), dragPane_.height);
             else
-                orbit_.dolly(std::pow(0.9, static_cast<double>(io.MouseWheel)));
+                dollyToMouse(std::pow(0.9, static_cast<double>(io.MouseWheel)));
             lastTouched_ = Clock::now();
         }
         if (drag_ == Drag::None) return;
         moved = {};
     }
     if (moved != glm::dvec2(0)) lastTouched_ = Clock::now();
+    dragMoved_ |= glm::distance(mouse_, dragStart_) > kClick * window_.unit();
     double scale = window_.scale();
     switch (drag_) {
         case Drag::Orbit:
@@ -199,10 +203,18 @@ void Viewer::handleMouse() {
             break;
     }
     if (!io.MouseDown[0] && !io.MouseDown[1] && !io.MouseDown[2]) {
+        if (drag_ == Drag::Orbit && !dragMoved_) selected_.reset();  // a click into the empty
         endDrag();
         lastTouched_ = Clock::now();
         framesToDraw_ = 3;
     }
+}
+
+// What is under the mouse stays there.
+void Viewer::dollyToMouse(double factor) {
+    const double scale = window_.scale();
+    orbit_.dollyAt(factor, mouse_.x * scale - dragPane_.x - dragPane_.width / 2.0,
+                   mouse_.y * scale - dragPane_.y - dragPane_.height / 2.0, dragPane_.height);
 }
 
 // Orbiting starts from where the capture's camera stood.

@@ -7,7 +7,7 @@
 #include "engine/error.h"
 #include "trainer/avatar/export.h"
 #include "trainer/avatar/picture_sequence.h"
-#include "viewer/jobs.h"
+#include "viewer/job.h"
 #include "viewer/viewer.h"
 
 namespace doppel {

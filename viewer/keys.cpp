@@ -32,14 +32,35 @@ void Viewer::handleKeys() {
                     redo();
                     break;
                 case GLFW_KEY_C:
+                    if (shift) {
+                        copyCamera();
+                        break;
+                    }
                     window_.setClipboard(editor_->copy());
                     say("pose copied");
                     break;
                 case GLFW_KEY_V:
-                    attempt([&] { editor_->paste(window_.clipboard()); });
+                    attempt([&] {
+                        if (shift)
+                            pasteCamera();
+                        else
+                            editor_->paste(window_.clipboard());
+                    });
                     break;
                 case GLFW_KEY_S:
                     attempt([&] { save(); });
+                    break;
+                case GLFW_KEY_EQUAL:
+                case GLFW_KEY_KP_ADD:
+                    setLook(settings_.theme, 1.1 * uiScale_);
+                    break;
+                case GLFW_KEY_MINUS:
+                case GLFW_KEY_KP_SUBTRACT:
+                    setLook(settings_.theme, uiScale_ / 1.1);
+                    break;
+                case GLFW_KEY_0:
+                case GLFW_KEY_KP_0:
+                    setLook(settings_.theme, 1);
                     break;
                 case GLFW_KEY_Q:
                     window_.close();
@@ -52,8 +73,10 @@ void Viewer::handleKeys() {
         double quarter = std::numbers::pi / 2;
         switch (press.key) {
             case GLFW_KEY_F:
-            case GLFW_KEY_HOME:
             case GLFW_KEY_KP_DECIMAL:
+                frameSelected();
+                break;
+            case GLFW_KEY_HOME:
                 frameAll();
                 break;
             case GLFW_KEY_1:
@@ -102,8 +125,7 @@ void Viewer::handleKeys() {
                     if (!pins_.erase(*at)) pins_.insert(*at);
                 break;
             case GLFW_KEY_K:
-                editor_->setKeyframe(std::floor(timeline_));
-                say(fmt::format("key at frame {:.0f}", std::floor(timeline_)));
+                setKey();
                 break;
             case GLFW_KEY_W:
                 settings_.wireframe = !settings_.wireframe;
@@ -154,6 +176,41 @@ void Viewer::frameAll() {
     scene_->setPose(thetaOf(pose), transOf(pose), editor_->betas());
     settings_.captureCamera = false;
     orbit_.frame(scene_->vertices(settings_.mesh), panes_[0].width, panes_[0].height);
+}
+
+// A hand's breadth around the joint and what hangs on it next; all of the body without one.
+void Viewer::frameSelected() {
+    if (!selected_ || panes_.empty()) return frameAll();
+    constexpr double kAround = .15;  // metres
+    const PosedSkeleton body = posed();
+    std::vector<float> points;
+    for (size_t j = 0; j < joint::kCount; ++j) {
+        const bool next = j == *selected_ || skeleton().parents[j] == static_cast<int>(*selected_);
+        for (double side : {-kAround, kAround})
+            for (int axis = 0; next && axis < 3; ++axis) {
+                glm::dvec3 point = body.position[j];
+                point[axis] += side;
+                for (int k = 0; k < 3; ++k) points.push_back(static_cast<float>(point[k]));
+            }
+    }
+    settings_.captureCamera = false;
+    orbit_.frame(points, panes_[0].width, panes_[0].height);
+}
+
+void Viewer::setKey() {
+    const double now = std::floor(timeline_);
+    editor_->setKeyframe(now);
+    say(fmt::format("key at frame {:.0f}", now));
+}
+
+void Viewer::copyCamera() {
+    window_.setClipboard("--camera " + cameraText(orbit_));
+    say("camera copied");
+}
+
+void Viewer::pasteCamera() {
+    orbit_ = readCameraText(window_.clipboard());
+    settings_.captureCamera = false;
 }
 
 void Viewer::lookFrom(double yaw, double pitch) {

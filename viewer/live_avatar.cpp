@@ -1,16 +1,43 @@
 #include "viewer/live_avatar.h"
 
+#include <optional>
+
 #include "engine/error.h"
+#include "trainer/avatar/checkpoint.h"
 
 namespace doppel {
 namespace fs = std::filesystem;
 
 namespace {
 
-std::shared_ptr<LoadedAvatar> read(const fs::path& folder, bool training) {
+// By the run's record; a run that has just ended has none any more.
+std::string stageOf(const fs::path& avatar) {
+    try {
+        const std::optional<RunRecord> run = readRunRecord(avatar);
+        if (!run || !run->asked.contains("stages")) return "its last state";
+        const std::string asked = "," + run->asked.at("stages") + ",";
+        int count = 0, done = 0;
+        std::string now;
+        for (const char* stage : {"fit", "shape", "texels", "mesh", "texture", "refine"}) {
+            if (asked.find(fmt::format(",{},", stage)) == std::string::npos) continue;
+            ++count;
+            if (run->isDone(stage))
+                ++done;
+            else if (now.empty())
+                now = stage;
+        }
+        if (now.empty()) return "its last state";
+        return fmt::format("stage {}, {} of {}", now, done + 1, count);
+    } catch (const std::exception&) {
+        return "its present state";  // being written
+    }
+}
+
+std::shared_ptr<LoadedAvatar> read(const fs::path& folder, const fs::path& from) {
     auto loaded = std::make_shared<LoadedAvatar>();
-    loaded->avatar = readAvatar(folder);
-    loaded->training = training;
+    loaded->avatar = readAvatar(from);
+    loaded->training = from == liveFolder(folder);
+    if (loaded->training) loaded->stage = stageOf(folder);
     if (loaded->avatar.texture.empty()) {
         constexpr int kSize = 16;
         loaded->textured = false;
@@ -38,7 +65,7 @@ LiveAvatar::Stamp LiveAvatar::newest() const {
 std::shared_ptr<LoadedAvatar> LiveAvatar::load() {
     Stamp stamp = newest();
     std::shared_ptr<LoadedAvatar> loaded =
-        read(stamp.first.empty() ? folder_ : stamp.first, stamp.first == liveFolder(folder_));
+        read(folder_, stamp.first.empty() ? folder_ : stamp.first);
     seen_ = stamp;
     return loaded;
 }
@@ -56,8 +83,7 @@ std::shared_ptr<LoadedAvatar> LiveAvatar::changed() {
     Stamp stamp = newest();
     if (stamp.first.empty() || stamp == seen_) return nullptr;
     seen_ = stamp;
-    reading_ =
-        std::async(std::launch::async, read, stamp.first, stamp.first == liveFolder(folder_));
+    reading_ = std::async(std::launch::async, read, folder_, stamp.first);
     return nullptr;
 }
 

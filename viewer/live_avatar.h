@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <future>
 #include <memory>
+#include <string>
 
 #include "trainer/avatar/avatar.h"
 
@@ -12,6 +13,7 @@ namespace doppel {
 struct LoadedAvatar {
     Avatar avatar;
     bool training = false;  // it is the state of a run that has not ended
+    std::string stage;      // that the run is in: "stage mesh, 4 of 6"
     bool textured = true;   // false: no texture yet; the avatar has a grey one
 };
 

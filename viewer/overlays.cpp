@@ -18,6 +18,7 @@ ImVec2 toImGui(const glm::dvec2& p) { return {static_cast<float>(p.x), static_ca
 void Viewer::drawOverlays() {
     ImDrawList& list = *ImGui::GetBackgroundDrawList();
     double scale = window_.scale();
+    const auto unit = static_cast<float>(window_.unit());
     if (panes_.size() == 2) {
         auto x = static_cast<float>(panes_[1].x / scale);
         auto bottom = static_cast<float>(panes_[1].height / scale);
@@ -25,42 +26,48 @@ void Viewer::drawOverlays() {
         bool meshes = settings_.split == Split::Meshes;
         const char* left = meshes ? "body" : "coarse texture";
         const char* right = meshes ? "refined mesh" : "refined texture";
-        list.AddText({12, bottom - 42}, IM_COL32(255, 255, 255, 220), left);
-        list.AddText({x + 12, bottom - 42}, IM_COL32(255, 255, 255, 220), right);
+        for (const auto& [at, name] : {std::pair{0.f, left}, {x, right}}) {
+            const ImVec2 corner{at + 12 * unit, bottom - 54 * unit},
+                size = ImGui::CalcTextSize(name);
+            list.AddRectFilled({corner.x - 5 * unit, corner.y - 2 * unit},
+                               {corner.x + size.x + 5 * unit, corner.y + size.y + 2 * unit},
+                               IM_COL32(18, 19, 22, 190), 4 * unit);
+            list.AddText(corner, IM_COL32(255, 255, 255, 235), name);
+        }
     }
-    bool near = paneAt(mouse_.x, mouse_.y) && !ImGui::GetIO().WantCaptureMouse;
-    bool edits = drag_ == Drag::Joint || drag_ == Drag::Ring;
-    if (!settings_.joints || film_ || (!near && !edits && !selected_)) return;
+    // They stay while the panel is used: whoever turns a joint there looks for it here.
+    if (!settings_.joints || film_) return;
     PosedSkeleton body = posed();
     for (const Pane& pane : panes_) {
         list.PushClipRect(
             {float(pane.x / scale), float(pane.y / scale)},
             {float((pane.x + pane.width) / scale), float((pane.y + pane.height) / scale)});
-        for (size_t j = 0; j < joint::kCount && (near || edits); ++j) {
+        for (size_t j = 0; j < joint::kCount; ++j) {
             glm::dvec3 at = onScreen(body.position[j], pane);
             if (at.z <= 0) continue;
             if (skeleton().parents[j] >= 0) {
                 glm::dvec3 up =
                     onScreen(body.position[static_cast<size_t>(skeleton().parents[j])], pane);
                 if (up.z > 0)
-                    list.AddLine(toImGui(at), toImGui(up), IM_COL32(255, 255, 255, 70), 1.5f);
+                    list.AddLine(toImGui(at), toImGui(up), IM_COL32(255, 255, 255, 70),
+                                 1.5f * unit);
             }
         }
         for (size_t j = 0; j < joint::kCount; ++j) {
             bool chosen = selected_ == j, hot = hovered_ == j;
-            if (!near && !edits && !chosen) continue;
             glm::dvec3 at = onScreen(body.position[j], pane);
             if (at.z <= 0) continue;
-            float radius = hot ? 6.5f : chosen ? 5.5f : 3.5f;
+            float radius = unit * (hot ? 6.5f : chosen ? 5.5f : 3.5f);
             ImU32 colour = chosen ? IM_COL32(255, 180, 60, 255)
                            : hot  ? IM_COL32(255, 230, 150, 255)
                                   : IM_COL32(120, 190, 255, 220);
-            list.AddCircleFilled(toImGui(at), radius + 1.5f, IM_COL32(0, 0, 0, 150));
+            list.AddCircleFilled(toImGui(at), radius + 1.5f * unit, IM_COL32(0, 0, 0, 150));
             list.AddCircleFilled(toImGui(at), radius, colour);
             if (pins_.contains(j)) {
                 ImVec2 c = toImGui(at);
-                list.AddRect({c.x - 8, c.y - 8}, {c.x + 8, c.y + 8}, IM_COL32(255, 90, 90, 255), 0,
-                             0, 2);
+                const float side = 8 * unit;
+                list.AddRect({c.x - side, c.y - side}, {c.x + side, c.y + side},
+                             IM_COL32(255, 90, 90, 255), 0, 0, 2 * unit);
             }
         }
         if (selected_) {
@@ -78,17 +85,21 @@ void Viewer::drawOverlays() {
                                : axis == 1 ? IM_COL32(100, 210, 100, alpha)
                                            : IM_COL32(90, 140, 255, alpha);
                 list.AddPolyline(points.data(), kRingPoints, colour, ImDrawFlags_Closed,
-                                 hot ? 3.0f : 1.8f);
+                                 unit * (hot ? 3.0f : 1.8f));
             }
         }
         list.PopClipRect();
     }
     if (hovered_ && drag_ == Drag::None) {
-        glm::dvec2 at = mouse_ + glm::dvec2(14, -18);
         std::string name = jointName(*hovered_);
         std::ranges::replace(name, '_', ' ');
-        list.AddText(toImGui(at + glm::dvec2(1)), IM_COL32(0, 0, 0, 255), name.c_str());
-        list.AddText(toImGui(at), IM_COL32(255, 255, 255, 255), name.c_str());
+        const ImVec2 size = ImGui::CalcTextSize(name.c_str());
+        const ImVec2 at{static_cast<float>(mouse_.x) + 14 * unit,
+                        static_cast<float>(mouse_.y) - 22 * unit};
+        list.AddRectFilled({at.x - 5 * unit, at.y - 2 * unit},
+                           {at.x + size.x + 5 * unit, at.y + size.y + 2 * unit},
+                           IM_COL32(18, 19, 22, 205), 4 * unit);
+        list.AddText(at, IM_COL32(255, 255, 255, 255), name.c_str());
     }
 }
 

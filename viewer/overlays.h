@@ -3,7 +3,7 @@
 
 namespace doppel {
 
-constexpr double kRingRadius = 74;  // window coordinates
+constexpr double kRingRadius = 74;  // window units (Window::unit)
 constexpr int kRingPoints = 64;
 
 }  // namespace doppel

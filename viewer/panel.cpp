@@ -1,4 +1,5 @@
 // The panel on the right.
+#include <GLFW/glfw3.h>
 #include <imgui.h>
 
 #include <algorithm>
@@ -13,32 +14,7 @@ namespace doppel {
 
 namespace {
 
-constexpr auto kPanelWidth = float{Viewer::kPanelWidth},
-               kTimelineHeight = float{Viewer::kTimelineHeight};
 constexpr double kDegrees = 180 / std::numbers::pi;
-
-struct Choice {
-    const char* name;
-    int value;
-};
-
-// True where another one was chosen.
-template <size_t N>
-bool choose(const char* label, const Choice (&choices)[N], int& value) {
-    const char* now = "";
-    for (const Choice& choice : choices)
-        if (choice.value == value) now = choice.name;
-    bool changed = false;
-    if (ImGui::BeginCombo(label, now)) {
-        for (const Choice& choice : choices)
-            if (ImGui::Selectable(choice.name, choice.value == value)) {
-                changed = value != choice.value;
-                value = choice.value;
-            }
-        ImGui::EndCombo();
-    }
-    return changed;
-}
 
 std::string shown(const char* snakeCase) {
     std::string name = snakeCase;
@@ -52,29 +28,43 @@ bool beginsGesture(PoseEditor& editor, std::string_view name) {
     return ImGui::IsItemActivated();
 }
 
+template <typename Value>
+int number(Value value) {
+    return static_cast<int>(value);
+}
+
 }  // namespace
 
 void Viewer::drawPanel() {
     if (!settings_.panel) return;
     ImVec2 size = ImGui::GetIO().DisplaySize;
-    ImGui::SetNextWindowPos({size.x - kPanelWidth, 0});
-    ImGui::SetNextWindowSize({kPanelWidth, size.y - kTimelineHeight});
+    const auto width = static_cast<float>(panelWidth()),
+               below = static_cast<float>(timelineHeight());
+    ImGui::SetNextWindowPos({size.x - width, 0});
+    ImGui::SetNextWindowSize({width, size.y - below});
     ImGui::Begin("panel", nullptr, kFixed);
-    ImGui::PushItemWidth(170);
+    // Labels stand to the right of what they name.
+    ImGui::PushItemWidth(-ImGui::CalcTextSize("field of view  ").x);
     if (ImGui::BeginTabBar("tabs")) {
-        if (ImGui::BeginTabItem("View")) {
+        if (tab("View")) {
             drawViewTab();
             ImGui::EndTabItem();
         }
-        if (ImGui::BeginTabItem("Pose")) {
+        // A film shows what there was when it was begun.
+        const bool free = !film_;
+        if (tab("Pose")) {
+            ImGui::BeginDisabled(!free);
             drawPoseTab();
+            ImGui::EndDisabled();
             ImGui::EndTabItem();
         }
-        if (ImGui::BeginTabItem("Shape")) {
+        if (tab("Shape")) {
+            ImGui::BeginDisabled(!free);
             drawShapeTab();
+            ImGui::EndDisabled();
             ImGui::EndTabItem();
         }
-        if (ImGui::BeginTabItem("Files")) {
+        if (tab("Files")) {
             drawFilesTab();
             ImGui::EndTabItem();
         }
@@ -86,7 +76,7 @@ void Viewer::drawPanel() {
 
 void Viewer::drawViewTab() {
     const Avatar& avatar = avatar_->avatar;
-    int mesh = static_cast<int>(settings_.mesh);
+    int mesh = number(settings_.mesh);
     if (scene_->hasRefinedMesh()) {
         constexpr Choice kMeshes[] = {
             {"body", static_cast<int>(MeshKind::Body)},
@@ -94,9 +84,9 @@ void Viewer::drawViewTab() {
         choose("mesh", kMeshes, mesh);
         settings_.mesh = static_cast<MeshKind>(mesh);
     } else {
-        ImGui::TextDisabled("mesh: body (stage mesh is not trained)");
+        hint("mesh: body (stage mesh is not trained)");
     }
-    auto paint = static_cast<int>(settings_.paint);
+    auto paint = number(settings_.paint);
     constexpr Choice kPaints[] = {
         {"texture", kPaintTexture},    {"none (clay)", kPaintClay},
         {"normals", kPaintNormals},    {"visibility map", kPaintVisibility},
@@ -104,13 +94,13 @@ void Viewer::drawViewTab() {
         {"clamp bounds", kPaintClamps}};
     choose("surface", kPaints, paint);
     settings_.paint = static_cast<uint32_t>(paint);
-    auto texture = static_cast<int>(settings_.texture);
+    auto texture = number(settings_.texture);
     constexpr int kCoarse = static_cast<int>(TextureKind::Coarse),
                   kRefined = static_cast<int>(TextureKind::Refined),
                   kBaked = static_cast<int>(TextureKind::Baked);
     if (avatar.refineNet.empty()) {
-        ImGui::TextDisabled(avatar_->textured ? "texture: coarse (stage refine is not trained)"
-                                              : "texture: none yet");
+        hint(avatar_->textured ? "texture: coarse (stage refine is not trained)"
+                               : "texture: none yet");
     } else if (avatar.bakedTexture.empty()) {
         constexpr Choice kTextures[] = {{"coarse", kCoarse}, {"refined for the view", kRefined}};
         choose("texture", kTextures, texture);
@@ -120,94 +110,102 @@ void Viewer::drawViewTab() {
         choose("texture", kTextures, texture);
     }
     settings_.texture = static_cast<TextureKind>(texture);
-    auto split = static_cast<int>(settings_.split);
+    auto split = number(settings_.split);
     constexpr Choice kSplits[] = {{"off", static_cast<int>(Split::None)},
                                   {"body | refined mesh", static_cast<int>(Split::Meshes)},
-                                  {"coarse | refined texture", static_cast<int>(Split::Textures)}};
+                                  {"coarse | refined", static_cast<int>(Split::Textures)}};
     choose("side by side", kSplits, split);
     settings_.split = static_cast<Split>(split);
-    ImGui::Checkbox("wireframe", &settings_.wireframe);
-    ImGui::SameLine(150);
-    ImGui::Checkbox("atlas in the corner", &settings_.atlas);
-    ImGui::Checkbox("joints", &settings_.joints);
-    ImGui::SameLine(150);
-    ImGui::Checkbox("figures", &settings_.figures);
+    checkbox("wireframe", settings_.wireframe);
+    beside("atlas in the corner");
+    checkbox("atlas in the corner", settings_.atlas);
+    checkbox("joints", settings_.joints);
+    beside("figures");
+    checkbox("figures", settings_.figures);
 
     ImGui::Separator();
-    ImGui::Checkbox("light", &settings_.lit);
-    ImGui::SameLine();
-    ImGui::TextDisabled(settings_.lit ? "one, from afar" : "flat, as trained");
+    checkbox("light", settings_.lit);
     if (settings_.lit) {
         slider("from the side", settings_.lightYaw, -std::numbers::pi, std::numbers::pi, "%.2f");
         slider("from above", settings_.lightPitch, -1.57, 1.57, "%.2f");
         slider("ambient", settings_.ambient, 0, 1, "%.2f");
+    } else {
+        hint("flat, as trained");
     }
 
     ImGui::Separator();
-    auto backdrop = static_cast<int>(settings_.backdrop);
+    auto backdrop = number(settings_.backdrop);
     constexpr Choice kBackdrops[] = {{"colour", static_cast<int>(Backdrop::Colour)},
                                      {"picture (drop one)", static_cast<int>(Backdrop::Picture)},
-                                     {"the capture's frames", static_cast<int>(Backdrop::Capture)}};
+                                     {"capture's frames", static_cast<int>(Backdrop::Capture)}};
     choose("background", kBackdrops, backdrop);
     settings_.backdrop = static_cast<Backdrop>(backdrop);
-    if (settings_.backdrop == Backdrop::Colour)
+    if (settings_.backdrop == Backdrop::Colour) {
         ImGui::ColorEdit3("colour", settings_.colour.data(), ImGuiColorEditFlags_NoInputs);
+        noteItem("colour");
+    }
     if (settings_.backdrop == Backdrop::Capture && (!capture() || !settings_.captureCamera))
-        ImGui::TextDisabled(capture() ? "seen with the capture's camera only"
-                                      : "no capture is loaded");
+        hint(capture() ? "seen with the capture's camera only" : "no capture is loaded");
 
     ImGui::Separator();
-    if (ImGui::Button("frame all")) frameAll();
-    ImGui::SameLine();
-    if (ImGui::Button("front")) lookFrom(0, 0);
-    ImGui::SameLine();
-    if (ImGui::Button("side")) lookFrom(std::numbers::pi / 2, 0);
-    ImGui::SameLine();
-    if (ImGui::Button("top")) lookFrom(orbit_.yaw, 1.55);
-    ImGui::Checkbox("orthographic", &orbit_.orthographic);
+    if (button("frame all")) frameAll();
+    beside("front");
+    if (button("front")) lookFrom(0, 0);
+    beside("side");
+    if (button("side")) lookFrom(std::numbers::pi / 2, 0);
+    beside("top");
+    if (button("top")) lookFrom(orbit_.yaw, 1.55);
+    checkbox("orthographic", orbit_.orthographic);
     if (motion() && !motion()->cameras.empty()) {
-        ImGui::SameLine(150);
-        ImGui::Checkbox("the capture's camera", &settings_.captureCamera);
+        beside("capture's camera");
+        checkbox("capture's camera", settings_.captureCamera);
     }
     double degrees = orbit_.fieldOfView * kDegrees;
     if (!settings_.captureCamera && slider("field of view", degrees, 5, 100, "%.0f deg"))
         orbit_.fieldOfView = degrees / kDegrees;
+    if (button("copy camera")) copyCamera();
+    beside("paste camera");
+    if (button("paste camera")) attempt([&] { pasteCamera(); });
+
+    ImGui::Separator();
+    auto theme = number(settings_.theme);
+    constexpr Choice kThemes[] = {{"dark", static_cast<int>(Theme::Dark)},
+                                  {"light", static_cast<int>(Theme::Light)}};
+    if (choose("theme", kThemes, theme)) setLook(static_cast<Theme>(theme), uiScale_);
+    if (button("smaller")) setLook(settings_.theme, uiScale_ / 1.1);
+    beside("larger");
+    if (button("larger")) setLook(settings_.theme, uiScale_ * 1.1);
 }
 
 void Viewer::drawPoseTab() {
     PoseEditor& editor = *editor_;
-    auto button = [](const char* label, bool enabled) {
-        if (!enabled) ImGui::BeginDisabled();
-        bool pressed = ImGui::Button(label);
-        if (!enabled) ImGui::EndDisabled();
-        return pressed && enabled;
-    };
     if (button("undo", editor.canUndo())) undo();
-    ImGui::SameLine();
+    beside("redo");
     if (button("redo", editor.canRedo())) redo();
-    ImGui::SameLine();
-    if (ImGui::Button("mirror")) editor.mirror();
-    ImGui::SameLine();
-    if (ImGui::Button("reset all")) editor.resetPose();
-    if (ImGui::Button("copy")) {
+    beside("mirror");
+    if (button("mirror")) editor.mirror();
+    beside("reset all");
+    if (button("reset all")) editor.resetPose();
+    if (button("copy")) {
         window_.setClipboard(editor.copy());
         say("pose copied");
     }
-    ImGui::SameLine();
-    if (ImGui::Button("paste")) attempt([&] { editor.paste(window_.clipboard()); });
-    ImGui::SameLine();
-    ImGui::Checkbox("joint limits", &settings_.limits);
-    ImGui::Checkbox("balance over pinned feet", &settings_.balance);
+    beside("paste");
+    if (button("paste")) attempt([&] { editor.paste(window_.clipboard()); });
+    checkbox("joint limits", settings_.limits);
+    beside("balance over pins");
+    checkbox("balance over pins", settings_.balance);
 
     ImGui::Separator();
-    ImGui::TextDisabled("degrees about the joint's own axes");
+    hint("degrees about the joint's own axes");
     ImGui::BeginChild("joints");
     for (size_t j = 0; j < joint::kCount; ++j) {
-        ImGui::PushID(static_cast<int>(j));
+        ImGui::PushID(number(j));
         bool open = selected_ == j;
         std::string name = shown(jointName(j)) + (pins_.contains(j) ? "  [pinned]" : "");
         if (ImGui::Selectable(name.c_str(), open))
             selected_ = open ? std::nullopt : std::optional<size_t>(j);
+        noteRow(shown(jointName(j)));
         if (open) {
             Pose pose = editor.pose();
             glm::dvec3 degrees = pose.rotation[j] * kDegrees;
@@ -224,14 +222,16 @@ void Viewer::drawPoseTab() {
                 editor.setPose(settings_.limits ? clampToLimits(edited, pose) : edited);
             }
             if (ended) editor.endGesture();
-            if (ImGui::Button("reset")) editor.resetJoint(j);
-            ImGui::SameLine();
-            bool pinned = pins_.contains(j);
-            if (j != joint::kPelvis && ImGui::Checkbox("pinned", &pinned)) {
-                if (pinned)
-                    pins_.insert(j);
-                else
-                    pins_.erase(j);
+            if (button("reset")) editor.resetJoint(j);
+            if (j != joint::kPelvis) {
+                beside("pinned");
+                bool pinned = pins_.contains(j);
+                if (checkbox("pinned", pinned)) {
+                    if (pinned)
+                        pins_.insert(j);
+                    else
+                        pins_.erase(j);
+                }
             }
         }
         ImGui::PopID();
@@ -241,63 +241,94 @@ void Viewer::drawPoseTab() {
 
 void Viewer::drawShapeTab() {
     PoseEditor& editor = *editor_;
-    ImGui::TextWrapped(
+    words(
         "Shape coefficients of the body, in standard deviations. The networks were "
         "trained on this person's own.");
     Betas betas = editor.betas();
     bool changed = false, ended = false;
     for (size_t k = 0; k < betas.size(); ++k) {
-        changed |= ImGui::SliderFloat(fmt::format("beta {}", k).c_str(), &betas[k], -4, 4, "%.2f");
+        double beta = double{betas[k]};
+        if (slider(fmt::format("beta {}", k).c_str(), beta, -4, 4, "%.2f")) {
+            betas[k] = static_cast<float>(beta);
+            changed = true;
+        }
         beginsGesture(editor, "shape");
         ended |= ImGui::IsItemDeactivated();
     }
     if (changed) editor.setBetas(betas);
     if (ended) editor.endGesture();
-    if (ImGui::Button("this person's own")) editor.resetBetas();
+    if (button("this person's own")) editor.resetBetas();
 }
 
 void Viewer::drawFilesTab() {
-    ImGui::TextWrapped(
-        "Drop a capture, a poses.npz, a .bvh, a pose's .json or a picture on the "
-        "window, or name it:");
+    words(
+        "Drop a capture, a poses.npz, a .bvh, a pose's .json or a picture on the window, or name "
+        "it:");
     ImGui::PushItemWidth(-1);
-    ImGui::InputText("##path", pathText_.data(), pathText_.size());
+    bool entered = ImGui::InputText("##path", pathText_.data(), pathText_.size(),
+                                    ImGuiInputTextFlags_EnterReturnsTrue);
+    // Dear ImGui looks at what is held, and misses a key that is down for less than a frame.
+    entered |= ImGui::IsItemActive() && std::ranges::any_of(window_.keys(), [](const KeyPress& k) {
+                   return k.key == GLFW_KEY_ENTER || k.key == GLFW_KEY_KP_ENTER;
+               });
+    noteItem("path");
     ImGui::PopItemWidth();
-    if (ImGui::Button("open") && pathText_[0] != 0)
+    const bool named = pathText_[0] != 0;
+    if ((button("open", named) || entered) && named)
         attempt([&] { openFile(std::filesystem::path(pathText_.data())); });
+    beside("save poses as");
+    if (button("save poses as", named))
+        attempt([&] { saveAs(std::filesystem::path(pathText_.data())); });
     if (motion()) {
-        ImGui::SameLine();
-        if (ImGui::Button("close motion"))
+        words(fmt::format("motion: {}, {} frames at {:.4g} fps", motion()->name, motion()->size(),
+                          motion()->fps));
+        if (button("close motion"))
             attempt([&] {
                 afterSaving("Closing the motion puts away what you edited, which is not saved.",
                             [this] { closeMotion(); });
             });
     }
-    if (motion()) {
-        ImGui::TextWrapped("motion: %s, %d frames at %.4g fps", motion()->name.c_str(),
-                           static_cast<int>(motion()->size()), motion()->fps);
+    if (!preferences_.recent.empty() && ImGui::CollapsingHeader("opened before")) {
+        std::string chosen;
+        for (size_t i = 0; i < preferences_.recent.size(); ++i) {
+            ImGui::PushID(number(i));
+            const std::filesystem::path path = preferences_.recent[i];
+            std::string name = path.filename().string();
+            if (name.empty()) name = path.parent_path().filename().string();
+            if (ImGui::Selectable(name.c_str())) chosen = preferences_.recent[i];
+            if (ImGui::IsItemHovered()) ImGui::SetTooltip("%s", preferences_.recent[i].c_str());
+            noteRow(name);
+            ImGui::PopID();
+        }
+        if (!chosen.empty()) attempt([&] { openFile(chosen); });
     }
+
     ImGui::Separator();
-    ImGui::TextWrapped(
-        "Written into the folder that the viewer was started in; nothing that is "
-        "there is overwritten.");
-    bool free = !working();
-    if (!free) ImGui::BeginDisabled();
-    if (ImGui::Button("film, .mp4")) attempt([&] { startFilm(freeName("doppel", ".mp4"), 0); });
-    ImGui::SameLine();
-    if (ImGui::Button("pictures, PNG"))
+    words(
+        "Written into the folder that the viewer was started in; nothing that is there is "
+        "overwritten.");
+    const bool free = !working();
+    if (button("film, .mp4", free)) attempt([&] { startFilm(freeName("doppel", ".mp4"), 0); });
+    beside("pictures, PNG");
+    if (button("pictures, PNG", free))
         attempt([&] { startFilm(freeName("doppel-frames", ""), 0); });
-    if (ImGui::Button("glTF, .glb")) attempt([&] { startExport(freeName("doppel", ".glb")); });
-    ImGui::SameLine();
-    if (ImGui::Button("poses, .npz")) attempt([&] { save(); });
-    ImGui::SameLine();
-    if (ImGui::Button("picture")) attempt([&] { saveScreenshot(freeName("doppel", ".png")); });
-    if (!free) ImGui::EndDisabled();
+    if (button("glTF, .glb", free)) attempt([&] { startExport(freeName("doppel", ".glb")); });
+    beside("poses, .npz");
+    if (button("poses, .npz", free)) attempt([&] { save(); });
+    beside("picture");
+    if (button("picture", free)) attempt([&] { saveScreenshot(freeName("doppel", ".png")); });
     if (film_) {
         ImGui::ProgressBar(filmProgress(), {-1, 0});
-        if (ImGui::Button("give up")) cancelFilm();
+        if (button("give up")) cancelFilm();
     }
-    if (export_) ImGui::TextDisabled("writing glTF ...");
+    if (export_) hint("writing glTF ...");
+    if (!savedFile_.empty()) hint("Ctrl+S saves in " + savedFile_.filename().string());
+
+    ImGui::Separator();
+    if (ImGui::CollapsingHeader("messages"))
+        for (auto message = messages_.rbegin(); message != messages_.rend(); ++message)
+            message->wrong ? words(message->text) : hint(message->text);
+    noteItem("messages");
 }
 
 }  // namespace doppel

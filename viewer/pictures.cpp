@@ -20,11 +20,21 @@ uint32_t packed(const std::array<uint8_t, 3>& rgb) {
 
 }  // namespace
 
+int Viewer::panelWidth() const {
+    if (!settings_.panel) return 0;
+    // A narrow window is not all panel.
+    return static_cast<int>(
+        std::min(std::round(kPanelWidth * window_.unit()), .6 * window_.width() / window_.scale()));
+}
+
+int Viewer::timelineHeight() const {
+    return static_cast<int>(std::round(kTimelineHeight * window_.unit()));
+}
+
 void Viewer::layOut() {
     double scale = window_.scale();
-    int width = window_.width(), height = window_.height();
-    if (settings_.panel) width -= static_cast<int>(kPanelWidth * scale);
-    height -= static_cast<int>(kTimelineHeight * scale);
+    int width = window_.width() - static_cast<int>(panelWidth() * scale);
+    int height = window_.height() - static_cast<int>(timelineHeight() * scale);
     panes_.clear();
     if (width < 16 || height < 16) return;
     Pane whole{0, 0, width, height, settings_.mesh, settings_.texture};

@@ -10,7 +10,8 @@
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
 #include "trainer/avatar/rendering.h"
-#include "viewer/jobs.h"
+#include "viewer/drawn_items.h"
+#include "viewer/job.h"
 
 namespace doppel {
 namespace fs = std::filesystem;
@@ -30,10 +31,21 @@ Viewer::Viewer(const ViewerOptions& options)
     : options_(options),
       source_(options.avatar),
       avatar_(source_.load()),  // before a window opens for one that is not there
-      window_({"Doppel", options.width, options.height, {}}),
+      preferences_(readPreferences(options.state)),
+      window_(
+          {"Doppel",
+           options.width,
+           options.height,
+           std::clamp(options.scale.value_or(preferences_.scale), kSmallestScale, kLargestScale),
+           options.theme.value_or(preferences_.theme),
+           {}}),
       device_(options.device),
       recovery_(options.state) {
     useAvatar(avatar_);
+    uiScale_ =
+        std::clamp(options.scale.value_or(preferences_.scale), kSmallestScale, kLargestScale);
+    settings_.theme = options.theme.value_or(preferences_.theme);
+    if (settings_.theme == Theme::Light) settings_.colour = {.80f, .81f, .83f};
     settings_.texture = bestTexture();
     if (!avatar_->textured) settings_.paint = kPaintClay;
 
@@ -44,6 +56,7 @@ Viewer::Viewer(const ViewerOptions& options)
     editor_->markSaved();  // all of it comes from files
     layOut();
     frameAll();
+    if (!options.camera.empty()) orbit_ = readCameraText(options.camera);
     offerRecovery();
     lastTouched_ = lastFrame_ = lastTick_ = Clock::now();
 }
@@ -66,8 +79,9 @@ void Viewer::useAvatar(std::shared_ptr<LoadedAvatar> avatar) {
     skeletonBetas_.reset();
     ++textureVersion_;
     ++viewVersion_;
-    window_.setTitle(fmt::format("{}{} - Doppel", source_.folder().filename().string(),
-                                 avatar_->training ? " (in training)" : ""));
+    std::string name = fs::absolute(source_.folder()).lexically_normal().filename().string();
+    window_.setTitle(fmt::format(
+        "{}{} - Doppel", name, avatar_->training ? " (in training: " + avatar_->stage + ")" : ""));
 }
 
 void Viewer::reloadIfChanged() {
@@ -80,7 +94,8 @@ void Viewer::reloadIfChanged() {
     if (!wasTextured && avatar_->textured && settings_.paint == kPaintClay)
         settings_.paint = kPaintTexture;
     if (hadBest) settings_.texture = bestTexture();
-    say(avatar_->training ? "the training's present state" : "the avatar has changed on disk");
+    say(avatar_->training ? "the training's present state: " + avatar_->stage
+                          : "the avatar has changed on disk");
 }
 
 TextureKind Viewer::bestTexture() const {
@@ -133,7 +148,7 @@ bool Viewer::settled() const {
 
 bool Viewer::frame() {
     if (window_.closed()) {
-        if (mayClose_ || !editor_->modified()) {
+        if (!editor_->modified() || givenUpVersion_ == editor_->version()) {
             recovery_.clear();
             return false;
         }
@@ -157,6 +172,7 @@ bool Viewer::frame() {
     if (window_.touched()) framesToDraw_ = 3;  // ImGui answers some events a frame later
     if (rests && settled()) return true;
 
+    forgetItems();
     window_.beginFrame();
     attempt([&] {
         for (const fs::path& path : window_.dropped()) openFile(path);

@@ -18,13 +18,14 @@
 #include "trainer/data/frame_cache.h"
 #include "trainer/motion/motion.h"
 #include "viewer/live_avatar.h"
-#include "viewer/orbit_camera.h"
-#include "viewer/painter.h"
-#include "viewer/pane.h"
+#include "viewer/picture/orbit_camera.h"
+#include "viewer/picture/painter.h"
+#include "viewer/picture/pane.h"
+#include "viewer/picture/scene.h"
 #include "viewer/pose/ik.h"
 #include "viewer/pose/pose_editor.h"
+#include "viewer/preferences.h"
 #include "viewer/recovery.h"
-#include "viewer/scene.h"
 #include "viewer/window/window.h"
 
 namespace doppel {
@@ -39,6 +40,9 @@ struct ViewerOptions {
     int width = 1280, height = 800;  // of the window
     // Where what is not saved is kept for the next start (viewer/recovery.h); empty: nowhere.
     std::filesystem::path state;
+    std::optional<double> scale;  // of the interface; without: as it was chosen before, else 1
+    std::optional<Theme> theme;
+    std::string camera;  // as cameraText(); empty: all of the body is seen from the front
 };
 
 // What is compared side by side: to the left what is named first.
@@ -61,16 +65,17 @@ struct ViewSettings {
     bool joints = true, limits = true, balance = true;
     bool panel = true, help = false;
     bool figures = true;  // of speed, in the corner
+    Theme theme = Theme::Dark;
     bool operator==(const ViewSettings&) const = default;
 };
 
-struct FilmJob;  // jobs.h
+struct FilmJob;  // job.h
 struct ExportJob;
 
 class Viewer {
 public:
-    // Window coordinates; the rest shows the avatar.
-    static constexpr int kPanelWidth = 330, kTimelineHeight = 74;
+    // On a plain monitor, where one unit is one pixel; the rest shows the avatar.
+    static constexpr int kPanelWidth = 360, kTimelineHeight = 74;
 
     // InputError for what the options name and is not there or not right; MachineError where no
     // window can be opened.
@@ -91,6 +96,9 @@ public:
     OrbitCamera& camera() { return orbit_; }
     PoseEditor& editor() { return *editor_; }
     const std::vector<Pane>& panes() const { return panes_; }
+    // Window coordinates; 0 where it is closed.
+    int panelWidth() const;
+    int timelineHeight() const;
     // Of the last picture, and where a joint is on it: window coordinates, depth in metres.
     glm::dvec3 jointOnScreen(size_t joint) const;
     PosedSkeleton posed() const;
@@ -225,6 +233,9 @@ private:
     void recover(const std::string& text, const std::string& name);
     std::filesystem::path freeName(const std::string& stem, const std::string& extension) const;
 
+    void opened(const std::filesystem::path& file);
+    void setLook(Theme theme, double scale);
+
     // jobs.cpp
     void advanceJobs();
     void advanceFilm();
@@ -250,10 +261,15 @@ private:
     void endDrag();
     void dragRing();
     void frameAll();
+    void frameSelected();
+    void setKey();
+    void copyCamera();
+    void pasteCamera();
     void lookFrom(double yaw, double pitch);
     const Pane* paneAt(double x, double y) const;
     glm::dvec3 onScreen(const glm::dvec3& world, const Pane& pane) const;
     void leaveCaptureCamera();
+    void dollyToMouse(double factor);
     std::optional<size_t> jointAt(double x, double y) const;
     struct RingHit {
         int axis;
@@ -277,6 +293,8 @@ private:
     ViewerOptions options_;
     LiveAvatar source_;
     std::shared_ptr<LoadedAvatar> avatar_;
+    Preferences preferences_;
+    double uiScale_ = 1;
     Window window_;
     Device device_;
     std::unique_ptr<Scene> scene_;
@@ -328,7 +346,8 @@ private:
     std::set<size_t> pins_;
     Pose dragBegan_;
     glm::dvec3 dragPoint_{};
-    glm::dvec3 dragGoal_{};  // that was solved for last
+    bool dragMoved_ = false;  // further than a click does
+    glm::dvec3 dragGoal_{};   // that was solved for last
     RingHit dragRing_{};
 
     // Long jobs.
@@ -343,7 +362,8 @@ private:
     std::filesystem::path savedFile_;
     std::filesystem::file_time_type savedTime_{};
     std::optional<Question> question_;
-    bool questionOpen_ = false, mayClose_ = false;
+    bool questionOpen_ = false;
+    uint64_t givenUpVersion_ = 0;  // of what is edited, that may be lost with the window
     Recovery recovery_;
     uint64_t keptVersion_ = 0;  // of what is edited, as the session's file has it
     Clock::time_point keptAt_{};

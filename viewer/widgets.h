@@ -3,11 +3,39 @@
 
 #include <imgui.h>
 
+#include <string>
+#include <string_view>
+
+#include "viewer/drawn_items.h"
+
 namespace doppel {
 
-inline bool slider(const char* label, double& value, double low, double high, const char* format) {
-    return ImGui::SliderScalar(label, ImGuiDataType_Double, &value, &low, &high, format);
+// Of the item before. words: what has to fit into its frame besides the padding; empty: nothing.
+void noteItem(std::string_view label, std::string_view words = {}, float besides = 0);
+
+// Of the row of a list before, which reaches beyond its words to both sides.
+void noteRow(std::string_view label);
+
+bool button(const char* label, bool enabled = true);
+bool checkbox(const char* label, bool& value);
+bool slider(const char* label, double& value, double low, double high, const char* format);
+void words(const std::string& text);  // wrapped
+void hint(const std::string& text);   // wrapped, dimmed
+bool tab(const char* label);          // with EndTabItem where it is true
+
+struct Choice {
+    const char* name;
+    int value;
+};
+// True where another one was chosen.
+bool choose(const char* label, const Choice* choices, size_t count, int& value);
+template <size_t N>
+bool choose(const char* label, const Choice (&choices)[N], int& value) {
+    return choose(label, choices, N, value);
 }
+
+// The next item goes beside the one before where so much more is free, else below.
+void beside(const char* nextLabel);
 
 constexpr ImGuiWindowFlags kFixed = ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoResize |
                                     ImGuiWindowFlags_NoCollapse | ImGuiWindowFlags_NoTitleBar |

@@ -12,6 +12,8 @@ namespace {
 struct ViewOptions {
     CommonOptions common;
     ViewerOptions viewer;  // its device is what `common` says
+    double scale = 0;      // 0: not given
+    std::string theme;
 };
 
 void declareFlags(CommandFlags& flags, ViewOptions& o) {
@@ -21,6 +23,15 @@ void declareFlags(CommandFlags& flags, ViewOptions& o) {
                "A capture, a poses.npz, BVH, glTF, AMASS or an estimator's poses to play");
     flags.frames(o.viewer.frames, "Frames of the motion");
     flags.path("--pose", o.viewer.pose, "A pose to begin with, JSON as the viewer copies it");
+    flags->add_option("--camera", o.viewer.camera,
+                      "Where to look from, as the viewer copies it (Ctrl + Shift + C)");
+    flags
+        ->add_option("--scale", o.scale,
+                     "Size of letters, panel and handles, besides the monitor's own; without: as "
+                     "chosen last")
+        ->check(CLI::Range(kSmallestScale, kLargestScale));
+    flags->add_option("--theme", o.theme, "dark or light; without: as chosen last")
+        ->check(CLI::IsMember({"dark", "light"}));
     const auto setSize = [&o](const std::string& text) {
         int used = 0;
         if (std::sscanf(text.c_str(), "%dx%d%n", &o.viewer.width, &o.viewer.height, &used) != 2 ||
@@ -49,6 +60,10 @@ const Command<ViewOptions> kView{{
             ViewerOptions viewer = options.viewer;
             viewer.device = options.common.deviceOptions();
             viewer.state = userStateFolder();
+            if (options.scale > 0) viewer.scale = options.scale;
+            if (!options.theme.empty())
+                viewer.theme = options.theme == "light" ? Theme::Light : Theme::Dark;
+            if (!viewer.camera.empty()) readCameraText(viewer.camera);  // before a window opens
             Viewer(viewer).run();
         },
 }};

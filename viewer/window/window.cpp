@@ -23,7 +23,7 @@ std::string glfwReason() {
 }
 
 // Pictures side by side from the corner leave what is right of them and below; others anything.
-void place(std::span<const PlacedPicture> pictures, const Canvas& canvas) {
+void place(std::span<const PlacedPicture> pictures, const Canvas& canvas, bool light) {
     int64_t covered = 0;
     int right = 0, bottom = 0;
     for (const PlacedPicture& p : pictures) {
@@ -32,7 +32,7 @@ void place(std::span<const PlacedPicture> pictures, const Canvas& canvas) {
         bottom = std::max(bottom, p.y + p.height);
     }
     bool tiled = covered == int64_t{right} * bottom;
-    const uint32_t grey = canvas.blueFirst ? 0xff1c1d20 : 0xff201d1c;
+    const uint32_t grey = light ? 0xffe8e8e8 : 0xff1e1e1e;
     for (int y = 0; y < canvas.height; ++y) {
         bool beside = tiled && y < bottom;
         std::ranges::fill(
@@ -63,7 +63,12 @@ struct Window::Parts {
 
     // Asked for once per frame: each is a message to the X server and back.
     int wide = 0, high = 0;  // 0 while minimised
-    double scale = 1;
+    double scale = 1, contentScale = 1;
+    double ownScale = 1;
+    Theme theme = Theme::Dark;
+    std::optional<Look> look;  // as Dear ImGui has it
+
+    Look wantedLook() const { return {contentScale * ownScale / scale, scale, theme}; }
 
     ~Parts();
     void openWindow(const WindowOptions& options);
@@ -83,6 +88,7 @@ void Window::Parts::openWindow(const WindowOptions& options) {
             "missing ({})",
             glfwReason());
     glfwWindowHint(GLFW_CLIENT_API, GLFW_NO_API);
+    glfwWindowHint(GLFW_SCALE_TO_MONITOR, GLFW_TRUE);
     window =
         glfwCreateWindow(options.width, options.height, options.title.c_str(), nullptr, nullptr);
     if (!window) throwMachine("no window can be opened: {}", glfwReason());
@@ -115,6 +121,8 @@ void Window::Parts::listen() {
     glfwSetCursorEnterCallback(window, [](GLFWwindow* w, int) { of(w).touched = true; });
     glfwSetWindowFocusCallback(window, [](GLFWwindow* w, int) { of(w).touched = true; });
     glfwSetWindowIconifyCallback(window, [](GLFWwindow* w, int) { of(w).touched = true; });
+    glfwSetWindowContentScaleCallback(window,
+                                      [](GLFWwindow* w, float, float) { of(w).touched = true; });
     glfwSetWindowRefreshCallback(window, [](GLFWwindow* w) { of(w).touched = true; });
 }
 
@@ -145,15 +153,8 @@ void Window::Parts::openImGui() {
     io.IniFilename = nullptr;  // nothing is written into the user's folders
     io.BackendRendererName = "doppel";
     io.BackendFlags |= ImGuiBackendFlags_RendererHasVtxOffset;
-    ImGui::StyleColorsDark();
-    ImGui::GetStyle().WindowRounding = 4;
-    ImGui::GetStyle().FrameRounding = 3;
-    float x = 1, y = 1;
-    glfwGetWindowContentScale(window, &x, &y);
-    ImFontConfig font;
-    font.SizePixels = std::round(13 * std::max(x, 1.0f));
-    io.Fonts->AddFontDefault(&font);
-    io.Fonts->Build();
+    look = wantedLook();
+    applyLook(*look);
     ImGui_ImplGlfw_InitForOther(window, true);
 }
 
@@ -162,6 +163,9 @@ void Window::Parts::measure() {
     glfwGetFramebufferSize(window, &wide, &high);
     glfwGetWindowSize(window, &across, nullptr);
     scale = across > 0 ? static_cast<double>(wide) / across : 1;
+    float x = 1, y = 1;
+    glfwGetWindowContentScale(window, &x, &y);
+    contentScale = std::clamp(static_cast<double>(std::max(x, y)), .5, 8.);
     if (glfwGetWindowAttrib(window, GLFW_ICONIFIED)) wide = high = 0;
 }
 
@@ -176,6 +180,8 @@ Window::Parts::~Parts() {
 }
 
 Window::Window(const WindowOptions& options) : parts_(std::make_unique<Parts>()) {
+    parts_->ownScale = options.scale;
+    parts_->theme = options.theme;
     parts_->openWindow(options);
     parts_->openSwapchain(options.device);
     parts_->openImGui();
@@ -197,6 +203,11 @@ bool Window::begin(double seconds) {
 }
 
 void Window::beginFrame() {
+    Parts& p = *parts_;
+    if (p.wide > 0 && p.look != p.wantedLook()) {
+        p.look = p.wantedLook();
+        applyLook(*p.look);
+    }
     ImGui_ImplGlfw_NewFrame();
     ImGui::NewFrame();
 }
@@ -205,7 +216,7 @@ void Window::end(std::span<const PlacedPicture> pictures) {
     ImGui::Render();
     Canvas canvas = parts_->swapchain->next();
     if (canvas.pixels.empty()) return;
-    place(pictures, canvas);
+    place(pictures, canvas, parts_->theme == Theme::Light);
     FontAtlas font;
     unsigned char* texels = nullptr;
     ImGui::GetIO().Fonts->GetTexDataAsAlpha8(&texels, &font.width, &font.height);
@@ -222,6 +233,11 @@ bool Window::touched() const { return parts_->touched; }
 int Window::width() const { return parts_->wide; }
 int Window::height() const { return parts_->high; }
 double Window::scale() const { return parts_->scale; }
+double Window::unit() const { return parts_->wantedLook().unit; }
+void Window::setLook(double scale, Theme theme) {
+    parts_->ownScale = scale;
+    parts_->theme = theme;
+}
 
 bool Window::blueFirst() const { return parts_->swapchain->blueFirst(); }
 const std::vector<KeyPress>& Window::keys() const { return parts_->keysNow; }

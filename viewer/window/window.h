@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "viewer/window/canvas.h"
+#include "viewer/window/look.h"
 
 namespace doppel {
 
@@ -30,7 +31,9 @@ struct KeyPress {
 
 struct WindowOptions {
     std::string title = "Doppel";
-    int width = 1280, height = 800;
+    int width = 1280, height = 800;  // times the monitor's content scale
+    double scale = 1;                // of the interface, besides the monitor's
+    Theme theme = Theme::Dark;
     std::string device;  // part of the name of the device that should present; empty: any
 };
 
@@ -65,6 +68,11 @@ public:
     int height() const;
     // Framebuffer pixels per unit of window coordinates.
     double scale() const;
+    // Window coordinates for what is one pixel on a plain monitor: sizes in the interface are given
+    // in these.
+    double unit() const;
+    // The interface's own scale and colours from the next frame on.
+    void setLook(double scale, Theme theme);
     bool blueFirst() const;
     // Keys since the last begin(), in their order.
     const std::vector<KeyPress>& keys() const;

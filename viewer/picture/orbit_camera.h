@@ -2,8 +2,10 @@
 #pragma once
 
 #include <span>
+#include <string>
+#include <string_view>
 
-#include "viewer/scene.h"
+#include "viewer/picture/scene.h"
 
 namespace doppel {
 
@@ -25,9 +27,17 @@ struct OrbitCamera {
     void pan(double right, double down, int height);
     // > 1 goes away, < 1 comes nearer.
     void dolly(double factor);
+    // The same, so that what is seen at this place stays there: pixels from the picture's middle.
+    void dollyAt(double factor, double right, double down, int height);
     // Looks at these points [n,3] so that all of them are seen, from where it stands.
     void frame(std::span<const float> points, int width, int height);
 };
+
+// "yaw,pitch,distance,x,y,z,field of view[,ortho]", as `doppel view --camera` takes it; angles in
+// degrees. The same camera to a millionth.
+std::string cameraText(const OrbitCamera& camera);
+// Also with "--camera " before it. InputError where it is something else.
+OrbitCamera readCameraText(std::string_view text);
 
 // The pixel that shows a point, and its depth; the depth is not positive for one behind the camera.
 glm::dvec3 projected(const glm::dvec3& world, const ViewTransform& view, const Camera& camera);

@@ -1,13 +1,17 @@
-#include "viewer/orbit_camera.h"
+#include "viewer/picture/orbit_camera.h"
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <glm/ext/matrix_transform.hpp>
+
+#include "engine/error.h"
 
 namespace doppel {
 
 namespace {
 
+constexpr double kDegree = 3.14159265358979323846 / 180;
 constexpr double kLongLens = 200;  // times as far away, times as long
 constexpr double kSteepest = 1.55;
 constexpr double kNearest = 0.05, kFarthest = 100;
@@ -45,6 +49,14 @@ void OrbitCamera::dolly(double factor) {
         distance = std::clamp(distance * factor, kNearest, kFarthest);
 }
 
+void OrbitCamera::dollyAt(double factor, double right, double down, int height) {
+    const double before = distance;
+    dolly(factor);
+    // The plane through the target is seen larger: it is moved back by what it has gained there.
+    const double metres = (before - distance) / focal(fieldOfView, height);
+    target += glm::transpose(view().rotation) * glm::dvec3(right * metres, down * metres, 0);
+}
+
 void OrbitCamera::frame(std::span<const float> points, int width, int height) {
     if (points.size() < 3) return;
     glm::dvec3 low(INFINITY), high(-INFINITY);
@@ -65,6 +77,42 @@ void OrbitCamera::frame(std::span<const float> points, int width, int height) {
                            2 * f * std::abs(p.y) / height - depth});
     }
     distance = std::clamp(needed, kNearest, kFarthest);
+}
+
+std::string cameraText(const OrbitCamera& camera) {
+    return fmt::format("{:.6f},{:.6f},{:.6f},{:.6f},{:.6f},{:.6f},{:.6f}{}", camera.yaw / kDegree,
+                       camera.pitch / kDegree, camera.distance, camera.target.x, camera.target.y,
+                       camera.target.z, camera.fieldOfView / kDegree,
+                       camera.orthographic ? ",ortho" : "");
+}
+
+OrbitCamera readCameraText(std::string_view given) {
+    std::string text(given.substr(0, 400));
+    while (!text.empty() && (text.back() == '\n' || text.back() == ' ')) text.pop_back();
+    const std::string shown = text;
+    constexpr std::string_view kFlag = "--camera", kOrtho = ",ortho";
+    if (text.starts_with(kFlag)) text.erase(0, kFlag.size() + (text.size() > kFlag.size()));
+    OrbitCamera camera;
+    camera.orthographic = text.ends_with(kOrtho);
+    if (camera.orthographic) text.resize(text.size() - kOrtho.size());
+    double yaw = 0, pitch = 0, field = 0;
+    int used = 0;
+    const int count =
+        std::sscanf(text.c_str(), "%lf,%lf,%lf,%lf,%lf,%lf,%lf%n", &yaw, &pitch, &camera.distance,
+                    &camera.target.x, &camera.target.y, &camera.target.z, &field, &used);
+    const bool sensible = std::abs(yaw) <= 360 && std::abs(pitch) <= 90 &&
+                          camera.distance >= kNearest && camera.distance <= kFarthest &&
+                          std::abs(camera.target.x) <= 1e4 && std::abs(camera.target.y) <= 1e4 &&
+                          std::abs(camera.target.z) <= 1e4 && field >= 1 && field <= 150;
+    if (count != 7 || static_cast<size_t>(used) != text.size() || !sensible)
+        throwInput(
+            "camera: expected YAW,PITCH,DISTANCE,X,Y,Z,FIELD[,ortho] in degrees and metres, "
+            "as the viewer copies it, found \"{}\"",
+            shown.substr(0, 100));
+    camera.yaw = yaw * kDegree;
+    camera.pitch = std::clamp(pitch * kDegree, -kSteepest, kSteepest);
+    camera.fieldOfView = field * kDegree;
+    return camera;
 }
 
 glm::dvec3 projected(const glm::dvec3& world, const ViewTransform& view, const Camera& camera) {

@@ -5,7 +5,7 @@
 #include <future>
 
 #include "trainer/avatar/picture_sequence.h"
-#include "viewer/pane.h"
+#include "viewer/picture/pane.h"
 
 namespace doppel {
 

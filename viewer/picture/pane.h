@@ -2,7 +2,7 @@
 #pragma once
 
 #include "trainer/avatar/avatar.h"
-#include "viewer/scene.h"
+#include "viewer/picture/scene.h"
 
 namespace doppel {
 

@@ -1,4 +1,4 @@
-#include "viewer/painter.h"
+#include "viewer/picture/painter.h"
 #include "trainer/avatar/avatar_renderer.h"
 
 #include <chrono>

@@ -1,4 +1,4 @@
-#include "viewer/scene.h"
+#include "viewer/picture/scene.h"
 
 #include <algorithm>
 #include <cstring>

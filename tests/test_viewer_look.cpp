@@ -1,0 +1,141 @@
+// The interface at several scales and in small windows: nothing is cut, and what is large is large.
+#include <algorithm>
+
+#include "tests/viewer_test.h"
+
+namespace doppel::test {
+namespace {
+
+class LookTest : public ViewerTest {
+protected:
+    // With its panel, at a scale.
+    Viewer& openAt(int width, int height, double scale, Theme theme = Theme::Dark) {
+        ViewerOptions options;
+        options.avatar = *folder_ / "avatar";
+        options.width = width;
+        options.height = height;
+        options.scale = scale;
+        options.theme = theme;
+        viewer_.emplace(options);
+        screen_->move(9, 9);
+        turn();
+        screen_->move(4, 4);
+        settle();
+        return *viewer_;
+    }
+    void expectNothingCut(const std::string& what) {
+        EXPECT_GT(drawnItems().size(), 10u) << what;
+        for (const DrawnItem& item : drawnItems())
+            EXPECT_FALSE(item.cut) << what << ": \"" << item.label << "\" from " << item.low.x
+                                   << " to " << item.high.x;
+    }
+    static void SetUpTestSuite() {
+        screen_ = new Screen(3840, 2160);
+        folder_ = new Folder;
+        Avatar avatar = plainAvatar();
+        addMeshNet(avatar);
+        writeAvatar(*folder_ / "avatar", avatar);
+    }
+    // The whole screen, for people to look at.
+    void keep(const std::string& name, int width, int height) {
+        const char* folder = getenv("DOPPEL_KEEP_SCREENS");
+        if (folder && *folder)
+            writeImage(fs::path(folder) / (name + ".png"), screen_->grab(0, 0, width, height));
+    }
+};
+
+TEST_F(LookTest, NothingIsCutWhateverTheScale) {
+    struct Case {
+        int width, height;
+        double scale;
+        Theme theme;
+    };
+    for (const Case& c : {Case{1280, 800, 1, Theme::Dark},
+                          {1920, 1080, 1, Theme::Light},
+                          {1920, 1080, 1.5, Theme::Dark},
+                          {3840, 2160, 2, Theme::Light},
+                          {600, 600, 1, Theme::Dark}}) {
+        const std::string what = fmt::format("{}x{} at {}", c.width, c.height, c.scale);
+        Viewer& viewer = openAt(c.width, c.height, c.scale, c.theme);
+        viewer.editor().setKeyframe(0);
+        EXPECT_EQ(viewer.timelineHeight(), std::lround(Viewer::kTimelineHeight * c.scale));
+        for (const char* tab : {"View", "Pose", "Shape", "Files"}) {
+            clickItem(tab);
+            if (std::string_view(tab) == "Pose") clickItem("left elbow");
+            expectNothingCut(what + ", " + tab);
+            keep(fmt::format("{}-{}-{}-{}", c.width, c.height, c.scale, tab), c.width, c.height);
+        }
+        viewer_.reset();
+    }
+}
+
+// What is drawn at twice the scale is twice as large: the words, the rows, the handles.
+TEST_F(LookTest, AllOfItGrowsWithTheScale) {
+    auto heightOf = [&](const std::string& label) {
+        for (const DrawnItem& item : drawnItems())
+            if (item.label == label) return double(item.high.y - item.low.y);
+        return 0.0;
+    };
+    std::vector<double> rows;
+    for (double scale : {1., 2.}) {
+        Viewer& viewer = openAt(1400, 1000, scale);
+        rows.push_back(heightOf("wireframe"));
+        EXPECT_EQ(viewer.panelWidth(), Viewer::kPanelWidth * scale);
+        // A joint is met by a mouse that is 14 units away.
+        const Pose before = viewer.editor().pose();
+        const glm::dvec2 beyond = at(joint::kLeftHand) + glm::dvec2(22, 0);
+        drag(beyond, beyond + glm::dvec2(0, -30), 1, 2);
+        EXPECT_EQ(viewer.editor().pose() != before, scale == 2);
+        viewer_.reset();
+    }
+    EXPECT_NEAR(rows[1] / rows[0], 2, .15);
+}
+
+TEST_F(LookTest, KeysMakeLettersLargerAndTheyAreRemembered) {
+    ViewerOptions options;
+    options.avatar = *folder_ / "avatar";
+    options.state = *folder_ / "state";
+    options.width = 900, options.height = 700;
+    viewer_.emplace(options);
+    screen_->move(9, 9);
+    turn();
+    screen_->move(4, 4);
+    settle();
+    EXPECT_EQ(viewer_->panelWidth(), Viewer::kPanelWidth);
+    keyWith("Control_L", "equal");
+    EXPECT_EQ(viewer_->panelWidth(), std::lround(1.1 * Viewer::kPanelWidth));
+    clickItem("theme");
+    clickItem("light");
+    EXPECT_EQ(viewer_->settings().theme, Theme::Light);
+    viewer_.reset();
+    viewer_.emplace(options);
+    settle();
+    EXPECT_EQ(viewer_->panelWidth(), std::lround(1.1 * Viewer::kPanelWidth));
+    EXPECT_EQ(viewer_->settings().theme, Theme::Light);
+    keyWith("Control_L", "0");
+    EXPECT_EQ(viewer_->panelWidth(), Viewer::kPanelWidth);
+    viewer_.reset();
+    // Whatever the file holds, the window opens.
+    for (const char* text :
+         {"", "[1]", "{\"scale\": 1e9, \"theme\": 7}", "{\"recent\": [7, {}]}"}) {
+        std::ofstream(*folder_ / "state" / "preferences.json") << text;
+        EXPECT_EQ(readPreferences(*folder_ / "state"), Preferences{}) << text;
+    }
+    // What was opened last comes first, once.
+    Preferences preferences;
+    for (int i = 0; i < 20; ++i) remember(preferences, fmt::format("/somewhere/{}", i % 15));
+    EXPECT_EQ(preferences.recent.size(), 12u);
+    EXPECT_EQ(preferences.recent[0], "/somewhere/4");
+    EXPECT_EQ(std::ranges::count(preferences.recent, "/somewhere/3"), 1);
+    writePreferences(*folder_ / "state", preferences);
+    EXPECT_EQ(readPreferences(*folder_ / "state"), preferences);
+}
+
+TEST_F(LookTest, TheFontIsFoundOrDoneWithout) {
+    const fs::path font = interfaceFont();
+    if (font.empty()) GTEST_SKIP() << "none of the fonts is installed; fonts-dejavu-core has one";
+    EXPECT_TRUE(fs::is_regular_file(font));
+}
+
+}  // namespace
+}  // namespace doppel::test

@@ -1,0 +1,144 @@
+// Random mouse and keys, by a seed: the window lives, answers, and its undo stack stays whole.
+#include <cstdio>
+#include <random>
+#include <set>
+
+#include "tests/viewer_test.h"
+
+namespace doppel::test {
+namespace {
+
+int numberOf(const char* variable, int otherwise) {
+    const char* text = getenv(variable);
+    return text && *text ? std::max(1, atoi(text)) : otherwise;
+}
+
+class MonkeyTest : public ViewerTest {
+protected:
+    void SetUp() override {
+        ViewerTest::SetUp();
+        alarm(0);  // long runs are asked for
+        here_ = fs::current_path();
+        fs::create_directories(*folder_ / "work");
+        fs::current_path(*folder_ / "work");
+    }
+    void TearDown() override {
+        viewer_.reset();
+        fs::current_path(here_);
+        ViewerTest::TearDown();
+    }
+    fs::path here_;
+};
+
+TEST_F(MonkeyTest, RandomEventsLeaveTheWindowAliveAndItsUndoWhole) {
+    const int events = numberOf("DOPPEL_MONKEY", 300);
+    const auto seed = static_cast<unsigned>(numberOf("DOPPEL_MONKEY_SEED", 1));
+    std::mt19937 random(seed);
+    const auto below = [&](int n) { return static_cast<int>(random() % static_cast<unsigned>(n)); };
+
+    Motion motion = turningMotion(20);
+    writeNpz(*folder_ / "motion.npz", posesArrays(motion.theta, motion.trans, {}), false);
+    ViewerOptions options;
+    options.motion = *folder_ / "motion.npz";
+    options.state = *folder_ / "state";
+    options.width = 700, options.height = 520;
+    Viewer& viewer = open(options);
+    viewer.settings().panel = true;
+    settle();
+    const Take beginning = viewer.editor().take();
+
+    // No key here writes films or closes the window; F12 and Ctrl+S write small files.
+    const std::vector<std::string> keys = {
+        "f",     "Home", "1", "3",      "7",      "5",   "0",         "space", "Left",
+        "Right", "m",    "r", "p",      "k",      "w",   "l",         "j",     "b",
+        "n",     "Tab",  "h", "Escape", "Return", "F12", "KP_Decimal"};
+    const std::vector<std::string> controlled = {"z", "y",     "c",     "v", "s",
+                                                 "q", "equal", "minus", "0"};
+    std::set<int> held;
+    for (int i = 0; i < events; ++i) {
+        const int kind = below(100);
+        if (kind < 45) {
+            // Half of the moves go to joints, so that something happens.
+            glm::dvec2 to(below(720) - 10, below(540) - 10);
+            if (below(2)) to = at(static_cast<size_t>(below(24)));
+            screen_->move(std::clamp(to.x, 0.0, 990.0), std::clamp(to.y, 0.0, 750.0));
+        } else if (kind < 65) {
+            const int button = 1 + below(3);
+            if (!held.insert(button).second) {
+                screen_->release(button);
+                held.erase(button);
+            } else {
+                screen_->press(button);
+            }
+        } else if (kind < 70) {
+            screen_->click(4 + below(4));
+        } else if (kind < 88) {
+            const bool shift = below(5) == 0;
+            if (shift) screen_->keyDown("Shift_L");
+            screen_->key(keys[static_cast<size_t>(below(static_cast<int>(keys.size())))]);
+            if (shift) screen_->keyUp("Shift_L");
+        } else if (kind < 97) {
+            screen_->keyDown("Control_L");
+            screen_->key(
+                controlled[static_cast<size_t>(below(static_cast<int>(controlled.size())))]);
+            screen_->keyUp("Control_L");
+        } else if (kind < 98) {
+            screen_->resizeWindow(250 + below(700), 180 + below(520));
+        } else {
+            viewer.editor().setBetas({static_cast<float>(below(5))});
+        }
+        for (int turns = below(3); turns >= 0; --turns)
+            ASSERT_TRUE(viewer.frame() || !viewer.editor().modified())
+                << "seed " << seed << ", event " << i << ": the window closed over unsaved work";
+        if (viewer.window().closed()) {
+            // It may close where nothing is lost; then all of it was saved.
+            EXPECT_FALSE(viewer.editor().modified());
+            viewer.window().keepOpen();
+        }
+        ASSERT_TRUE(isFinite(viewer.editor().pose())) << "seed " << seed << ", event " << i;
+        for (const Keyframe& key : viewer.editor().keyframes()) ASSERT_TRUE(isFinite(key.pose));
+    }
+    for (int button : held) screen_->release(button);
+    screen_->resizeWindow(700, 520);
+    turn(4);
+    while (!viewer.question().empty()) {
+        screen_->key("Escape");
+        turn(3);
+    }
+    screen_->key("Escape");
+    settle();
+
+    // Back to the beginning and on to the end again, to the last bit.
+    PoseEditor& editor = viewer.editor();
+    editor.endGesture();
+    const Take end = editor.take();
+    const double time = editor.time();
+    size_t steps = 0;
+    while (editor.canUndo()) editor.undo(), ++steps;
+    EXPECT_LE(steps, 500u);
+    if (steps < 500) {
+        EXPECT_EQ(editor.take().keys, beginning.keys);
+        EXPECT_EQ(editor.betas(), beginning.betas);
+        editor.goTo(0);
+        EXPECT_EQ(editor.pose(), beginning.pose);
+    }
+    for (size_t i = 0; i < steps; ++i) {
+        ASSERT_TRUE(editor.canRedo());
+        editor.redo();
+    }
+    EXPECT_FALSE(editor.canRedo());
+    editor.goTo(time);
+    EXPECT_EQ(editor.take().keys, end.keys);
+    EXPECT_EQ(editor.betas(), end.betas);
+    EXPECT_EQ(editor.pose(), end.pose);
+    settle();
+    viewer.settings().panel = false;
+    viewer.settings().joints = false;
+    screen_->key("Home");
+    settle();
+    EXPECT_GT(difference(picture(), Image(picture().width, picture().height, 3, 0)), 0.5);
+    fmt::print("{} events, {} steps of undo\n", events, steps);
+}
+
+}  // namespace
+}  // namespace doppel::test

@@ -1,0 +1,65 @@
+#include "viewer/preferences.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "engine/files/atomic_file.h"
+#include "trainer/data/output_folder.h"
+
+namespace doppel {
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+namespace {
+
+constexpr size_t kMostRecent = 12, kLongestPath = 4096;
+constexpr uint64_t kLargestFile = uint64_t{1} << 20;
+
+fs::path fileIn(const fs::path& state) { return state / "preferences.json"; }
+
+}  // namespace
+
+Preferences readPreferences(const fs::path& state) {
+    Preferences found;
+    if (state.empty()) return found;
+    try {
+        const std::vector<uint8_t> bytes = readWholeFile(fileIn(state), kLargestFile);
+        const json document = json::parse(bytes.begin(), bytes.end());
+        if (document.value("theme", "") == "light") found.theme = Theme::Light;
+        const double scale = document.value("scale", 1.);
+        if (scale >= kSmallestScale && scale <= kLargestScale) found.scale = scale;
+        for (const json& path : document.value("recent", json::array()))
+            if (path.is_string() && path.get_ref<const std::string&>().size() <= kLongestPath &&
+                found.recent.size() < kMostRecent)
+                found.recent.push_back(path.get<std::string>());
+    } catch (const std::exception&) {
+        return {};
+    }
+    return found;
+}
+
+void writePreferences(const fs::path& state, const Preferences& preferences) {
+    if (state.empty()) return;
+    const json document = {{"theme", preferences.theme == Theme::Light ? "light" : "dark"},
+                           {"scale", preferences.scale},
+                           {"recent", preferences.recent}};
+    try {
+        createFolders(state);
+        AtomicFile file(fileIn(state));
+        file.write(document.dump(1, ' ', false, json::error_handler_t::replace) + "\n");
+        file.commit();
+    } catch (const std::exception&) {
+        return;
+    }
+}
+
+void remember(Preferences& preferences, const fs::path& file) {
+    std::error_code error;
+    const fs::path path = fs::weakly_canonical(file, error);
+    if (error || path.string().size() > kLongestPath) return;
+    std::erase(preferences.recent, path.string());
+    preferences.recent.insert(preferences.recent.begin(), path.string());
+    if (preferences.recent.size() > kMostRecent) preferences.recent.resize(kMostRecent);
+}
+
+}  // namespace doppel

@@ -1,0 +1,107 @@
+#include "viewer/widgets.h"
+
+#include <algorithm>
+
+namespace doppel {
+
+namespace {
+
+std::vector<DrawnItem>& list() {
+    static std::vector<DrawnItem> items;
+    return items;
+}
+
+float widthOf(std::string_view text) {
+    return ImGui::CalcTextSize(text.data(), text.data() + text.size(), true).x;
+}
+
+}  // namespace
+
+const std::vector<DrawnItem>& drawnItems() { return list(); }
+void forgetItems() { list().clear(); }
+
+void noteItem(std::string_view label, std::string_view words, float besides) {
+    const ImVec2 low = ImGui::GetItemRectMin(), high = ImGui::GetItemRectMax();
+    DrawnItem item{std::string(label), {low.x, low.y}, {high.x, high.y}};
+    const float left = ImGui::GetWindowPos().x, right = left + ImGui::GetWindowSize().x;
+    item.cut = item.low.x < left - .5f || item.high.x > right + .5f;
+    if (!words.empty())
+        item.cut |= widthOf(words) + 2 * ImGui::GetStyle().FramePadding.x + besides >
+                    ImGui::CalcItemWidth() + .5f;
+    list().push_back(std::move(item));
+}
+
+void noteRow(std::string_view label) {
+    noteItem(label);
+    const float free = ImGui::GetWindowContentRegionMax().x - ImGui::GetWindowContentRegionMin().x;
+    list().back().cut = widthOf(label) > free + .5f;
+}
+
+bool button(const char* label, bool enabled) {
+    if (!enabled) ImGui::BeginDisabled();
+    const bool pressed = ImGui::Button(label);
+    if (!enabled) ImGui::EndDisabled();
+    noteItem(label);
+    return pressed && enabled;
+}
+
+bool checkbox(const char* label, bool& value) {
+    const bool pressed = ImGui::Checkbox(label, &value);
+    noteItem(label);
+    return pressed;
+}
+
+bool slider(const char* label, double& value, double low, double high, const char* format) {
+    const bool moved =
+        ImGui::SliderScalar(label, ImGuiDataType_Double, &value, &low, &high, format);
+    noteItem(label);
+    return moved;
+}
+
+void words(const std::string& text) {
+    ImGui::PushTextWrapPos(0);
+    ImGui::TextUnformatted(text.c_str());
+    ImGui::PopTextWrapPos();
+    noteItem(text);
+}
+
+void hint(const std::string& text) {
+    ImGui::PushStyleColor(ImGuiCol_Text, ImGui::GetStyleColorVec4(ImGuiCol_TextDisabled));
+    words(text);
+    ImGui::PopStyleColor();
+}
+
+bool tab(const char* label) {
+    const bool open = ImGui::BeginTabItem(label);
+    noteItem(label);
+    return open;
+}
+
+bool choose(const char* label, const Choice* choices, size_t count, int& value) {
+    const char* now = "";
+    for (size_t i = 0; i < count; ++i)
+        if (choices[i].value == value) now = choices[i].name;
+    const bool open = ImGui::BeginCombo(label, now);
+    if (!open) noteItem(label, now, ImGui::GetFrameHeight());
+    if (!open) return false;
+    bool changed = false;
+    for (size_t i = 0; i < count; ++i) {
+        if (ImGui::Selectable(choices[i].name, choices[i].value == value)) {
+            changed = value != choices[i].value;
+            value = choices[i].value;
+        }
+        noteRow(choices[i].name);
+    }
+    ImGui::EndCombo();
+    return changed;
+}
+
+void beside(const char* nextLabel) {
+    const ImGuiStyle& style = ImGui::GetStyle();
+    const float needed = widthOf(nextLabel) + 2 * style.FramePadding.x + ImGui::GetFrameHeight() +
+                         2 * style.ItemSpacing.x;
+    const float right = ImGui::GetWindowPos().x + ImGui::GetWindowContentRegionMax().x;
+    if (ImGui::GetItemRectMax().x + needed <= right) ImGui::SameLine();
+}
+
+}  // namespace doppel
