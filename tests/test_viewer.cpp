@@ -1,6 +1,8 @@
 // The window: camera, panel, sizes, what goes wrong.
 #include <sys/wait.h>
 
+#include <algorithm>
+
 #include "engine/error.h"
 #include "tests/viewer_test.h"
 
@@ -316,6 +318,26 @@ TEST_F(ViewerTest, TheWheelGoesToWhatIsUnderTheMouse) {
     for (int i = 0; i < 4; ++i) screen_->click(5);
     settle();
     EXPECT_NEAR(glm::distance(at(joint::kHead), at(joint::kLeftWrist)), head, 1);
+}
+
+TEST_F(ViewerTest, MessagesGoByThemselvesAndAreKept) {
+    Viewer& viewer = open();
+    keyWith("Control_L", "c");
+    EXPECT_EQ(viewer.visibleMessages(), 1u);
+    Image with = picture();
+    await("the message to go", [&] {
+        viewer.frame();
+        return viewer.visibleMessages() == 0;
+    });
+    settle();
+    EXPECT_GT(difference(with, picture()), 0.001) << "it is gone from the picture";
+    EXPECT_EQ(viewer.message(), "pose copied");
+    viewer.settings().panel = true;
+    settle();
+    clickItem("Files");
+    clickItem("messages");
+    EXPECT_TRUE(std::ranges::count(drawnItems(), "pose copied", &DrawnItem::label) == 1)
+        << "and in the history";
 }
 
 TEST_F(ViewerTest, TheCameraIsCopiedAsTheCommandTakesIt) {

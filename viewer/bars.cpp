@@ -90,8 +90,14 @@ void Viewer::drawTimeline() {
     }
     noteItem("frame");
     ImGui::PopItemWidth();
+    // Above the slider's grab, which is as wide as a frame.
+    constexpr float kPadding = 2;  // of Dear ImGui's sliders
+    const float inner = width - 2 * kPadding;
+    const float grab = std::min(inner, std::max(inner / static_cast<float>(std::max(last, 1) + 1),
+                                                ImGui::GetStyle().GrabMinSize));
     for (const Keyframe& key : editor_->keyframes()) {
-        const float x = at.x + width * static_cast<float>(key.time / std::max(last, 1));
+        const float x = at.x + kPadding + grab / 2 +
+                        (inner - grab) * static_cast<float>(key.time / std::max(last, 1));
         ImGui::GetWindowDrawList()->AddTriangleFilled(
             {x - 4 * unit, at.y - 4 * unit}, {x + 4 * unit, at.y - 4 * unit}, {x, at.y + 2 * unit},
             IM_COL32(255, 170, 40, 255));

@@ -252,7 +252,7 @@ void Viewer::drawShapeTab() {
             betas[k] = static_cast<float>(beta);
             changed = true;
         }
-        beginsGesture(editor, "shape");
+        if (beginsGesture(editor, "shape")) play(false);
         ended |= ImGui::IsItemDeactivated();
     }
     if (changed) editor.setBetas(betas);
@@ -325,10 +325,11 @@ void Viewer::drawFilesTab() {
     if (!savedFile_.empty()) hint("Ctrl+S saves in " + savedFile_.filename().string());
 
     ImGui::Separator();
-    if (ImGui::CollapsingHeader("messages"))
+    const bool history = ImGui::CollapsingHeader("messages");
+    noteItem("messages");
+    if (history)
         for (auto message = messages_.rbegin(); message != messages_.rend(); ++message)
             message->wrong ? words(message->text) : hint(message->text);
-    noteItem("messages");
 }
 
 }  // namespace doppel

@@ -109,6 +109,8 @@ public:
     bool settled() const;
     // The latest message; empty: none so far.
     const std::string& message() const;
+    // How many of the latest are still shown: five seconds, fifteen of what went wrong.
+    size_t visibleMessages() const;
     // What the window asks, with the answers that it offers; empty: nothing.
     std::string question() const { return question_ ? question_->text : std::string(); }
     std::vector<std::string> answers() const;
@@ -204,7 +206,6 @@ private:
     void followMotion();
     void play(bool on);
     bool messageVisible(const Message& message) const;
-    size_t visibleMessages() const;
     TextureKind bestTexture() const;
     bool paintsViews(TextureKind kind) const;
     double fps() const;
