@@ -9,6 +9,7 @@
 #include "engine/io/image.h"
 #include "tests/files.h"
 #include "tests/op_test.h"
+#include "trainer/avatar/preset.h"
 #include "trainer/data/capture.h"
 #include "trainer/data/pose.h"
 #include "trainer/motion/synthetic.h"
@@ -67,6 +68,41 @@ TEST(FaceMesh, AxesAreTheFaces) {
     EXPECT_FALSE(FaceMesh().axes());
 }
 
+glm::dmat3 headOf(const BodyModel& body, const Theta& theta) {
+    glm::dquat turned(1, 0, 0, 0);
+    for (int j = int(joint::kHead); j >= 0; j = body.parents[size_t(j)])
+        turned = jointRotation(theta, size_t(j)) * turned;
+    return glm::mat3_cast(turned);
+}
+
+// Outlines turn the trunks of poses that are off, and with them heads that were given on their
+// necks; heads that were found by themselves stay.
+TEST(Fit, HeadsThatWereFoundByThemselvesStay) {
+    Folder folder;
+    Capture capture = renderActor(testDevice(), readActor(assetFolder() / "actor", "man"),
+                                  actorSession(4, 0, kActorDistance), folder / "actor",
+                                  {.size = 96, .samples = 1});
+    const BodyModel body = bodyFromNpz(readBodyArrays("default"));
+    for (Theta& theta : capture.theta)
+        for (size_t j : {joint::kSpine1, joint::kPelvis})
+            setJointRotation(theta, j, jointRotation(theta, j) * quaternionOf({0, .15, .1}));
+    FitPreset preset = presetByName("ci").fit;
+    preset.size = 96;
+    preset.passes = 12;
+    const auto moved = [&](bool found) {
+        Capture fitted = capture;
+        if (found) fitted.source["heads"] = "as the face looks";
+        fitCapture(testDevice(), body, fitted, {.preset = preset, .loop = {.seed = 1}});
+        double most = 0;
+        for (size_t f = 0; f < capture.size(); ++f)
+            most = std::max(most, degreesBetween(headOf(body, capture.theta[f]),
+                                                 headOf(body, fitted.theta[f])));
+        return most;
+    };
+    EXPECT_GT(moved(false), 3);
+    EXPECT_LT(moved(true), .01);
+}
+
 TEST(FaceFinder, ActorsLookWhereTheirHeadsDo) {
     const fs::path models = fs::path(DOPPEL_SOURCE_DIR) / "build/models";
     if (!poseModelsAreThere(PoseNet::Full, models) || !FaceFinder::isThere(models))
@@ -80,12 +116,6 @@ TEST(FaceFinder, ActorsLookWhereTheirHeadsDo) {
     BlazePose pose(testDevice(), PoseNet::Full, models);
     FaceFinder faces(testDevice(), models);
     const BodyPoser3d poser(body);
-    const auto headOf = [&](const Theta& theta) {
-        glm::dquat turned(1, 0, 0, 0);
-        for (int j = int(joint::kHead); j >= 0; j = body.parents[size_t(j)])
-            turned = jointRotation(theta, size_t(j)) * turned;
-        return glm::mat3_cast(turned);
-    };
     int seen = 0;
     double off = 0;
     for (size_t f = 0; f < actor.size(); ++f) {
@@ -94,7 +124,7 @@ TEST(FaceFinder, ActorsLookWhereTheirHeadsDo) {
         ASSERT_FALSE(people.empty()) << f;
         const PersonLandmarks person = pose.landmarks(picture, people[0].roi());
         const auto face = faces(picture, person);
-        const glm::dmat3 head = headOf(truth.theta[f]);
+        const glm::dmat3 head = headOf(body, truth.theta[f]);
         const double away = degreesBetween(head, kFacing);
         if (away > 120) {
             EXPECT_FALSE(face) << f << ", turned by " << away;
@@ -104,7 +134,7 @@ TEST(FaceFinder, ActorsLookWhereTheirHeadsDo) {
         }
         if (!face) continue;
         const BodyStart start = poser(person, actor.frames[f].camera, face->axes());
-        off += degreesBetween(headOf(start.theta), head);
+        off += degreesBetween(headOf(body, start.theta), head);
         ++seen;
     }
     ASSERT_GT(seen, 2);

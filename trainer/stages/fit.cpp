@@ -77,7 +77,8 @@ double mean(const std::vector<double>& values) {
 }
 
 // Heads look where they looked before: outlines and joints turn trunks, do not see faces, and would
-// take the head along. The neck takes half of the way back.
+// take the head along. The neck takes half of the way back. This is for heads that were found by
+// themselves, as in clips; one that was given on its neck gathers the errors of all joints below.
 void aimHeads(const BodyModel& body, const std::vector<Theta>& given, std::vector<Theta>& theta) {
     const auto global = [&](const Theta& pose, int number) {
         glm::dquat turned(1, 0, 0, 0);
@@ -186,7 +187,7 @@ FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
         std::copy_n(pose + kThetaSize, 3, fitted.trans[f].begin());
     }
     fitted.betas = step.betas();
-    aimHeads(body, capture.theta, fitted.theta);
+    if (capture.source.contains("heads")) aimHeads(body, capture.theta, fitted.theta);
     result.frameIouAfter = silhouetteIous(device, body, fitted, cache);
     result.iouAfter = mean(result.frameIouAfter);
     capture.betas = fitted.betas;

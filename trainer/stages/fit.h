@@ -24,7 +24,8 @@ struct FitSettings {
 // not. Rotations have been unwrapped.
 bool isVideo(const Capture& capture);
 
-// Replaces capture.betas, theta and trans. Every frame needs a mask (InputError otherwise).
+// Replaces capture.betas, theta and trans. Every frame needs a mask (InputError otherwise). Where
+// capture.source says "heads" (they were found by themselves), heads go on looking where they look.
 // Interrupted is thrown with nothing changed but what settings.loop keeps.
 FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
                      const FitSettings& settings);
