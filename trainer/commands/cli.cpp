@@ -161,11 +161,12 @@ struct CommandLine {
         app.require_subcommand(1);
         app.set_version_flag("--version", std::string("doppel ") + kVersion);
         app.footer(
-            "From a capture to an avatar that dances somebody else's motion:\n"
+            "From a clip to an avatar that dances somebody else's motion:\n"
+            "  doppel avatar clip.mp4 --out me\n"
+            "  doppel render me/avatar --motion other-capture --out dance.mp4\n"
+            "The first of them step by step (train fits the body to the masks first):\n"
             "  doppel import SRC --out capture\n"
-            "  doppel fit capture --out fitted\n"
-            "  doppel train fitted --out avatar --preset small\n"
-            "  doppel render avatar --motion other-capture --out dance.mp4\n"
+            "  doppel train capture --out avatar --preset small\n"
             "\n`doppel COMMAND --help` tells more. Exit status: 0 done, 1 it failed, 2 the input "
             "or\n"
             "the flags are wrong, 130, 143 or 129 stopped by Ctrl-C, SIGTERM or SIGHUP.");
