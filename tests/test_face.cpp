@@ -6,6 +6,8 @@
 #include <cmath>
 #include <iostream>
 
+#include "engine/files/atomic_file.h"
+#include "engine/files/numbers.h"
 #include "engine/io/image.h"
 #include "tests/files.h"
 #include "tests/op_test.h"
@@ -14,6 +16,7 @@
 #include "trainer/data/pose.h"
 #include "trainer/motion/synthetic.h"
 #include "trainer/person/body_start.h"
+#include "trainer/person/picture_net.h"
 #include "trainer/stages/fit.h"
 
 namespace doppel {
@@ -101,6 +104,33 @@ TEST(Fit, HeadsThatWereFoundByThemselvesStay) {
     };
     EXPECT_GT(moved(false), 3);
     EXPECT_LT(moved(true), .01);
+}
+
+// What the network makes of a picture that a formula gives, beside the same file run with NumPy in
+// double precision.
+TEST(FaceFinder, TheNetworkComputesWhatItsFileSays) {
+    const fs::path models = fs::path(DOPPEL_SOURCE_DIR) / "build/models";
+    if (!FaceFinder::isThere(models)) GTEST_SKIP() << "scripts/setup --models fetches the network";
+    constexpr int kSide = 192;
+    std::vector<float> rgb;
+    for (int c = 0; c < 3; ++c)
+        for (int y = 0; y < kSide; ++y)
+            for (int x = 0; x < kSide; ++x)
+                rgb.push_back(float(.5 + .5 * std::sin(.05 * x * (c + 1) + .03 * y + .7 * c)));
+    PictureNet net(testDevice(), models / "face_landmark.tflite", kSide,
+                   {3 * FaceMesh::kPoints, 1});
+    const auto raw = net.run(rgb);
+    const std::vector<uint8_t> bytes =
+        readWholeFile(fs::path(DOPPEL_SOURCE_DIR) / "tests/data/blazepose/face_formula.f32");
+    ASSERT_EQ(bytes.size(), 4 * (3 * FaceMesh::kPoints + 1));
+    double largest = 0;
+    for (size_t i = 0; i < 3 * FaceMesh::kPoints; ++i)
+        largest =
+            std::max(largest, std::abs(double(raw[0][i]) - double(loadAt<float>(bytes.data(), i))));
+    std::cout << "largest difference " << largest << " of 192 pixels\n";
+    EXPECT_LT(largest, 2e-3);
+    EXPECT_NEAR(raw[1][0], loadAt<float>(bytes.data(), 3 * FaceMesh::kPoints), 1e-3);
+    EXPECT_EQ(net.run(rgb), raw);
 }
 
 TEST(FaceFinder, ActorsLookWhereTheirHeadsDo) {

@@ -443,6 +443,12 @@ TEST_F(Refusals, OutputsOverInputs) {
         refuses(words, "expected a place apart from the input " + at(out), 2);
     refuses({"import", at("capture"), "--out", at("capture"), "--frames", "0:2"},
             "found the input itself", 2);
+    fs::create_directories(*this / "plates");
+    write(*this / "plates/room.png", "a picture");
+    for (const char* flag : {"--plate", "--matting", "--poses"})
+        for (const char* command : {"import", "avatar"})
+            refuses({command, at("source"), "--out", at("plates"), flag, at("plates/room.png")},
+                    "expected a place apart from the input " + at("plates/room.png"), 2);
     refuses({"ablate", at("capture"), "--out", at("capture/o")}, "a place inside the input", 2);
     // By way of links, for folders and files.
     fs::create_directory_symlink(*this / "capture", *this / "alias");

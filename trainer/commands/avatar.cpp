@@ -31,18 +31,19 @@ std::string requestOf(const ImportOptions& options) {
     const ImportRequest& r = options.settings.request;
     const ClipOptions& clip = r.clip;
     std::error_code ignored;
+    // Files by their places from the root, for the command may be given again in another folder.
+    const auto place = [](const fs::path& path) {
+        return path.empty() ? std::string() : fs::absolute(path).lexically_normal().string();
+    };
     return fmt::format(
         "source = {}\nbytes = {}\nkey = {}\nfps = {}\nframes = {}\nfrom = {}\nto = {}\nevery = {}\n"
-        "rows = {}\nkeep_similar = {}\npose = {}\nperson = {}\nfov = {}\nheight = {}\nbody = "
-        "{}\nplate = {}\nmatting = {} {}\n{}",
-        fs::absolute(r.source).lexically_normal().string(),
+        "rows = {}\nkeep_similar = {}\npose = {}\nperson = {}\nfov = {}\nheight = {}\nbody = {}\n"
+        "plate = {}\nmatting = {}\nmatting_kind = {}\nposes = {}\n",
+        place(r.source),
         fs::is_regular_file(r.source, ignored) ? fs::file_size(r.source, ignored) : 0, r.key, r.fps,
         r.frames, clip.from, clip.to, clip.every, clip.rows, clip.keepSimilar, options.net,
-        r.person, r.fov, r.height, options.body, r.plate.string(), r.matting.string(),
-        r.mattingKind,
-        r.poses.empty()
-            ? std::string()
-            : fmt::format("poses = {}\n", fs::absolute(r.poses).lexically_normal().string()));
+        r.person, r.fov, r.height, options.body, place(r.plate), place(r.matting), r.mattingKind,
+        place(r.poses));
 }
 
 std::string contentOf(const fs::path& path) {
@@ -91,9 +92,7 @@ void bringCaptureIn(const AvatarOptions& options) {
 
 void runAvatar(const AvatarOptions& options) {
     catchInterrupts();
-    requireApart(options.out,
-                 {options.import.settings.request.source, options.import.settings.request.poses,
-                  bodyFile(options.import.body)});
+    requireApart(options.out, inputsOf(options.import));
     claimFiles(options.out, "person", {"capture", "avatar", "request.txt"});
     const FolderLock lock(options.out);
     bringCaptureIn(options);

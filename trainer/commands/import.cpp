@@ -17,9 +17,13 @@
 
 namespace doppel {
 
-ImportResult bringIn(const ImportOptions& options) {
+std::vector<std::filesystem::path> inputsOf(const ImportOptions& options) {
     const ImportRequest& request = options.settings.request;
-    requireApart(options.settings.out, {request.source, request.poses, bodyFile(options.body)});
+    return {request.source, request.poses, request.plate, request.matting, bodyFile(options.body)};
+}
+
+ImportResult bringIn(const ImportOptions& options) {
+    requireApart(options.settings.out, inputsOf(options));
     const BodyModel body = bodyFromNpz(readBodyArrays(options.body));
     Device device(options.common.deviceOptions());
     BodyPoser poser(device, body);

@@ -1,7 +1,9 @@
 // `doppel import`.
 #pragma once
 
+#include <filesystem>
 #include <string>
+#include <vector>
 
 #include "trainer/commands/common_options.h"
 #include "trainer/import/import.h"
@@ -19,6 +21,9 @@ class CommandFlags;
 
 // Of what a source is made, and how it is brought in: all but where it goes.
 void declareImportFlags(CommandFlags& flags, ImportOptions& options);
+
+// The files and folders that are read, for requireApart(); those that are not given are empty.
+std::vector<std::filesystem::path> inputsOf(const ImportOptions& options);
 
 // Writes the capture.
 ImportResult bringIn(const ImportOptions& options);
