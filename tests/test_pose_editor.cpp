@@ -7,20 +7,17 @@
 
 #include "engine/error.h"
 #include "tests/files.h"
+#include "tests/pose_test.h"
 #include "trainer/motion/motion.h"
 #include "viewer/pose/pose_editor.h"
 
 namespace doppel {
 namespace {
 
+using test::bent;
 using test::messageOf;
-
-Pose bent(double angle) {
-    Pose pose;
-    pose.rotation[joint::kLeftElbow] = {0, -angle, 0};
-    pose.trans = {angle, 0, 0};
-    return pose;
-}
+using test::turnOf;
+using test::walk;
 
 TEST(PoseEditor, UndoesGesturesAsAWhole) {
     PoseEditor editor(bent(0));
@@ -278,25 +275,6 @@ TEST(PoseEditor, InterpolatesTheShortWay) {
 }
 
 // ---- over a motion ------------------------------------------------------------------------------
-
-// A body that walks along x, turns, and bends its elbow.
-std::shared_ptr<const Motion> walk(size_t frames) {
-    Motion motion;
-    motion.name = "walk";
-    motion.fps = 24;
-    for (size_t i = 0; i < frames; ++i) {
-        Pose pose = bent(.01 * static_cast<double>(i));
-        pose.rotation[0] = {0, .05 * static_cast<double>(i), 0};
-        motion.theta.push_back(thetaOf(pose));
-        motion.trans.push_back(transOf(pose));
-    }
-    return std::make_shared<const Motion>(std::move(motion));
-}
-
-double turnOf(const Pose& a, const Pose& b, size_t joint) {
-    return glm::length(axisAngleOf(quaternionOf(a.rotation[joint]) *
-                                   glm::conjugate(quaternionOf(b.rotation[joint]))));
-}
 
 TEST(PoseEditor, WhatIsEditedOverAMotionIsStillThereWhenTheFrameComesAgain) {
     PoseEditor editor(bent(0));
