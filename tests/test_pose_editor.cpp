@@ -203,9 +203,9 @@ TEST(PoseEditor, RefusesWhatIsNoPose) {
         {R"({"doppel_pose":1,"joints":{"head":[1,1,1],"nose":[0,0,0]}})",
          "clipboard: joints: expected names such as left_wrist, found \"nose\""},
         {std::string(70000, ' '), "clipboard: expected a pose of at most 65536 bytes, found 70000"},
-        {std::string(60000, '['),
-         "clipboard: expected a pose as JSON, found an error at byte "
-         "60001"},
+        {std::string(8, '['), "clipboard: expected a pose as JSON, found an error at byte 9"},
+        {std::string(30000, '[') + std::string(30000, ']'),
+         "clipboard: expected a pose of at most 8 levels, found more"},
     };
     PoseEditor editor(bent(1), {1});
     for (const auto& [text, sentence] : cases) {
