@@ -426,6 +426,43 @@ TEST(PoseEditor, KnowsWhatIsNotSaved) {
     EXPECT_FALSE(followed.modified());
 }
 
+TEST(PoseEditor, KeysThatAreRemovedAfterSavingAreMissed) {
+    PoseEditor editor(bent(0));
+    editor.openMotion(walk(10));
+    editor.setKeyframe(5);
+    editor.undo();
+    EXPECT_FALSE(editor.modified()) << "no file has it";
+    editor.setKeyframe(5);
+    editor.markSaved();
+    editor.removeKeyframe(5);
+    EXPECT_TRUE(editor.modified()) << "the file has it still";
+    editor.undo();
+    EXPECT_FALSE(editor.modified());
+    editor.clearKeyframes();
+    EXPECT_TRUE(editor.modified());
+    editor.openMotion(walk(10));
+    EXPECT_FALSE(editor.modified()) << "another motion has keys of its own";
+}
+
+TEST(PoseEditor, CountsWhatWasOpened) {
+    PoseEditor editor(bent(0));
+    EXPECT_EQ(editor.opening(), 0u);
+    editor.openMotion(walk(10));
+    const uint64_t first = editor.opening();
+    editor.setKeyframe(5);
+    EXPECT_EQ(editor.opening(), first);
+    const Take take = editor.take();
+    editor.openTake(take, 0, "the same once more");
+    EXPECT_NE(editor.opening(), first) << "it came from another place";
+    editor.undo();
+    EXPECT_EQ(editor.opening(), first);
+    editor.undo();
+    editor.undo();
+    EXPECT_EQ(editor.opening(), 0u);
+    editor.openMotion(walk(10));
+    EXPECT_GT(editor.opening(), first) << "a number is nobody else's again";
+}
+
 // Whatever is done in whatever order, undoing all of it and doing it again ends where it was.
 TEST(PoseEditor, UndoAndRedoAreWholeWhateverWasDone) {
     for (unsigned seed = 1; seed <= 20; ++seed) {
