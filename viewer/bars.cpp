@@ -190,9 +190,6 @@ void Viewer::drawHelp() {
     const auto unit = static_cast<float>(window_.unit());
     ImGui::SetNextWindowPos({std::min(40 * unit, size.x / 20), std::min(60 * unit, size.y / 10)},
                             ImGuiCond_Appearing);
-    ImGui::SetNextWindowSizeConstraints({0, 0}, {size.x * .95f, size.y * .88f});
-    ImGui::Begin("Help", &settings_.help,
-                 ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoSavedSettings);
     const char* rows[][2] = {
         {"drag a joint", "moves it, the limb follows"},
         {"drag a ring", "turns the selected joint"},
@@ -216,18 +213,33 @@ void Viewer::drawHelp() {
         {"B", "side by side: meshes, textures, off"},
         {"W  L  J", "wireframe, light, joints"},
         {"N, Tab", "panel"},
-        {"Ctrl + plus, minus, 0", "larger, smaller letters, as they were"},
+        {"Ctrl + plus, minus, 0", "larger, smaller letters, of scale 1"},
         {"F12", "save the picture"},
         {"Escape", "give up a drag or a film, deselect"},
         {"Ctrl + Q", "quit"},
     };
-    if (ImGui::BeginTable("keys", 2, ImGuiTableFlags_SizingFixedFit)) {
+    // As wide as its rows where the window has room, else they wrap; what is too high scrolls.
+    float keys = 0, meanings = 0;
+    for (const auto& row : rows) {
+        keys = std::max(keys, ImGui::CalcTextSize(row[0]).x);
+        meanings = std::max(meanings, ImGui::CalcTextSize(row[1]).x);
+    }
+    const ImGuiStyle& style = ImGui::GetStyle();
+    const float wide = std::ceil(keys) + std::ceil(meanings) + 4 * style.CellPadding.x +
+                       2 * style.WindowPadding.x + style.ScrollbarSize + unit;
+    ImGui::SetNextWindowSizeConstraints({0, 0}, {size.x * .95f, size.y * .88f});
+    ImGui::SetNextWindowSize({std::ceil(std::min(wide, size.x * .95f)), 0});  // 0: as high as it is
+    ImGui::Begin("Help", &settings_.help,
+                 ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoSavedSettings);
+    if (ImGui::BeginTable("keys", 2)) {
+        ImGui::TableSetupColumn("keys", ImGuiTableColumnFlags_WidthFixed, std::ceil(keys));
+        ImGui::TableSetupColumn("meanings", ImGuiTableColumnFlags_WidthStretch);
         for (const auto& row : rows) {
             ImGui::TableNextRow();
             ImGui::TableNextColumn();
-            ImGui::TextUnformatted(row[0]);
+            words(row[0]);
             ImGui::TableNextColumn();
-            ImGui::TextDisabled("%s", row[1]);
+            hint(row[1]);
         }
         ImGui::EndTable();
     }
