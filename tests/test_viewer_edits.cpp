@@ -164,6 +164,20 @@ TEST_F(EditsTest, ClosingAsksForWhatIsNotSaved) {
     EXPECT_EQ(thetaOf(edited), readMotion(*folder_ / "work" / "poses-1.npz").theta[0]);
 }
 
+TEST_F(EditsTest, TheWindowsOwnButtonAsks) {
+    Viewer& viewer = open();
+    lift(40);
+    screen_->closeWindow();
+    settle();
+    EXPECT_EQ(viewer.question(), "What you edited is not saved.");
+    press("Escape");
+    EXPECT_EQ(viewer.question(), "");
+    keyWith("Control_L", "z");
+    ASSERT_FALSE(viewer.editor().modified());
+    screen_->closeWindow();
+    await("the window to close", [&] { return !viewer.frame(); });
+}
+
 TEST_F(EditsTest, OpeningAMotionAsksForWhatIsNotSaved) {
     Viewer& viewer = openMotion();
     press("Right", 4);

@@ -163,7 +163,6 @@ bool Viewer::frame() {
     if (framesToDraw_ > 0 || playing_ || working()) wait = 0;
     if (!drawable_) wait = working() ? 0.01 : 0.25;
     drawable_ = window_.begin(wait);
-    if (window_.closed()) return false;
     reloadIfChanged();
     advanceTimeline();
     if (working()) attempt([&] { advanceJobs(); });
