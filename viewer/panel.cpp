@@ -322,7 +322,8 @@ void Viewer::drawFilesTab() {
         if (button("give up")) cancelFilm();
     }
     if (export_) hint("writing glTF ...");
-    if (!savedFile_.empty()) hint("Ctrl+S saves in " + savedFile_.filename().string());
+    if (const SavedFile file = savedFile(); !file.path.empty())
+        hint("Ctrl+S saves in " + file.path.filename().string());
 
     ImGui::Separator();
     const bool history = ImGui::CollapsingHeader("messages");
