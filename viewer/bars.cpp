@@ -158,8 +158,13 @@ void Viewer::drawStatus() {
 void Viewer::drawQuestion() {
     if (!question_ && !questionOpen_) return;
     constexpr const char* kName = "Doppel asks";
-    if (!questionOpen_) ImGui::OpenPopup(kName);
+    if (!questionOpen_) {
+        ImGui::OpenPopup(kName);
+        questionSince_ = Clock::now();
+    }
     questionOpen_ = true;
+    // Dear ImGui darkens what is behind it little by little.
+    if (millisecondsSince(questionSince_) < 300) framesToDraw_ = std::max(framesToDraw_, 2);
     const ImVec2 size = ImGui::GetIO().DisplaySize;
     const auto unit = static_cast<float>(window_.unit());
     ImGui::SetNextWindowPos({size.x / 2, size.y / 2}, ImGuiCond_Always, {.5f, .5f});

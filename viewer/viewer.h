@@ -376,7 +376,8 @@ private:
     std::map<uint64_t, SavedFile> savedFiles_;  // by PoseEditor::opening(): undo may come back
     std::optional<Question> question_;
     bool questionOpen_ = false;
-    uint64_t givenUpVersion_ = 0;  // of what is edited, that may be lost with the window
+    Clock::time_point questionSince_{};  // it is open
+    uint64_t givenUpVersion_ = 0;        // of what is edited, that may be lost with the window
     Recovery recovery_;
     uint64_t keptVersion_ = 0;  // of what is edited, as the session's file has it
     Clock::time_point keptAt_{};
