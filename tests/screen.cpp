@@ -115,6 +115,21 @@ void Screen::hideWindow() {
     XSync(asDisplay(display_), False);
 }
 
+void Screen::closeWindow() {
+    XClientMessageEvent message{};
+    message.type = ClientMessage;
+    message.window = window();
+    message.message_type = XInternAtom(asDisplay(display_), "WM_PROTOCOLS", False);
+    message.format = 32;
+    message.data.l[0] =
+        static_cast<long>(XInternAtom(asDisplay(display_), "WM_DELETE_WINDOW", False));
+    message.data.l[1] = CurrentTime;
+    XEvent event{};
+    event.xclient = message;
+    XSendEvent(asDisplay(display_), message.window, False, NoEventMask, &event);
+    XSync(asDisplay(display_), False);
+}
+
 void Screen::showWindow() {
     XMapWindow(asDisplay(display_), window());
     XSync(asDisplay(display_), False);

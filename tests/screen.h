@@ -34,6 +34,8 @@ public:
     std::string title();
     void resizeWindow(int width, int height);
     void hideWindow();
+    // Asks it to close, as its own button does.
+    void closeWindow();
     void showWindow();
 
     // What is on the screen.

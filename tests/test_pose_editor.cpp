@@ -7,20 +7,17 @@
 
 #include "engine/error.h"
 #include "tests/files.h"
+#include "tests/pose_test.h"
 #include "trainer/motion/motion.h"
 #include "viewer/pose/pose_editor.h"
 
 namespace doppel {
 namespace {
 
+using test::bent;
 using test::messageOf;
-
-Pose bent(double angle) {
-    Pose pose;
-    pose.rotation[joint::kLeftElbow] = {0, -angle, 0};
-    pose.trans = {angle, 0, 0};
-    return pose;
-}
+using test::turnOf;
+using test::walk;
 
 TEST(PoseEditor, UndoesGesturesAsAWhole) {
     PoseEditor editor(bent(0));
@@ -206,9 +203,9 @@ TEST(PoseEditor, RefusesWhatIsNoPose) {
         {R"({"doppel_pose":1,"joints":{"head":[1,1,1],"nose":[0,0,0]}})",
          "clipboard: joints: expected names such as left_wrist, found \"nose\""},
         {std::string(70000, ' '), "clipboard: expected a pose of at most 65536 bytes, found 70000"},
-        {std::string(60000, '['),
-         "clipboard: expected a pose as JSON, found an error at byte "
-         "60001"},
+        {std::string(8, '['), "clipboard: expected a pose as JSON, found an error at byte 9"},
+        {std::string(30000, '[') + std::string(30000, ']'),
+         "clipboard: expected a pose of at most 8 levels, found more"},
     };
     PoseEditor editor(bent(1), {1});
     for (const auto& [text, sentence] : cases) {
@@ -278,25 +275,6 @@ TEST(PoseEditor, InterpolatesTheShortWay) {
 }
 
 // ---- over a motion ------------------------------------------------------------------------------
-
-// A body that walks along x, turns, and bends its elbow.
-std::shared_ptr<const Motion> walk(size_t frames) {
-    Motion motion;
-    motion.name = "walk";
-    motion.fps = 24;
-    for (size_t i = 0; i < frames; ++i) {
-        Pose pose = bent(.01 * static_cast<double>(i));
-        pose.rotation[0] = {0, .05 * static_cast<double>(i), 0};
-        motion.theta.push_back(thetaOf(pose));
-        motion.trans.push_back(transOf(pose));
-    }
-    return std::make_shared<const Motion>(std::move(motion));
-}
-
-double turnOf(const Pose& a, const Pose& b, size_t joint) {
-    return glm::length(axisAngleOf(quaternionOf(a.rotation[joint]) *
-                                   glm::conjugate(quaternionOf(b.rotation[joint]))));
-}
 
 TEST(PoseEditor, WhatIsEditedOverAMotionIsStillThereWhenTheFrameComesAgain) {
     PoseEditor editor(bent(0));
@@ -446,6 +424,43 @@ TEST(PoseEditor, KnowsWhatIsNotSaved) {
     followed.undo();
     EXPECT_EQ(followed.betas(), Betas{2});
     EXPECT_FALSE(followed.modified());
+}
+
+TEST(PoseEditor, KeysThatAreRemovedAfterSavingAreMissed) {
+    PoseEditor editor(bent(0));
+    editor.openMotion(walk(10));
+    editor.setKeyframe(5);
+    editor.undo();
+    EXPECT_FALSE(editor.modified()) << "no file has it";
+    editor.setKeyframe(5);
+    editor.markSaved();
+    editor.removeKeyframe(5);
+    EXPECT_TRUE(editor.modified()) << "the file has it still";
+    editor.undo();
+    EXPECT_FALSE(editor.modified());
+    editor.clearKeyframes();
+    EXPECT_TRUE(editor.modified());
+    editor.openMotion(walk(10));
+    EXPECT_FALSE(editor.modified()) << "another motion has keys of its own";
+}
+
+TEST(PoseEditor, CountsWhatWasOpened) {
+    PoseEditor editor(bent(0));
+    EXPECT_EQ(editor.opening(), 0u);
+    editor.openMotion(walk(10));
+    const uint64_t first = editor.opening();
+    editor.setKeyframe(5);
+    EXPECT_EQ(editor.opening(), first);
+    const Take take = editor.take();
+    editor.openTake(take, 0, "the same once more");
+    EXPECT_NE(editor.opening(), first) << "it came from another place";
+    editor.undo();
+    EXPECT_EQ(editor.opening(), first);
+    editor.undo();
+    editor.undo();
+    EXPECT_EQ(editor.opening(), 0u);
+    editor.openMotion(walk(10));
+    EXPECT_GT(editor.opening(), first) << "a number is nobody else's again";
 }
 
 // Whatever is done in whatever order, undoing all of it and doing it again ends where it was.

@@ -4,44 +4,34 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <set>
 
 #include "engine/error.h"
+#include "engine/files/atomic_file.h"
 #include "engine/files/npz.h"
 #include "tests/files.h"
+#include "tests/pose_test.h"
 #include "trainer/motion/motion.h"
 #include "viewer/pose/pose_editor.h"
 #include "viewer/pose/pose_text.h"
+#include "viewer/recovery.h"
 
 namespace doppel {
 namespace {
 
+namespace fs = std::filesystem;
+using test::bent;
+using test::bytesOf;
 using test::Folder;
 using test::messageOf;
+using test::turnOf;
+using test::walk;
 
-Pose bent(double angle) {
-    Pose pose;
-    pose.rotation[joint::kLeftElbow] = {0, -angle, 0};
-    pose.trans = {angle, 0, 0};
-    return pose;
-}
-
-// A body that walks along x, turns, and bends its elbow.
-std::shared_ptr<const Motion> walk(size_t frames) {
-    Motion motion;
-    motion.name = "walk";
-    motion.fps = 24;
-    for (size_t i = 0; i < frames; ++i) {
-        Pose pose = bent(.01 * static_cast<double>(i));
-        pose.rotation[0] = {0, .05 * static_cast<double>(i), 0};
-        motion.theta.push_back(thetaOf(pose));
-        motion.trans.push_back(transOf(pose));
-    }
-    return std::make_shared<const Motion>(std::move(motion));
-}
-
-double turnOf(const Pose& a, const Pose& b, size_t joint) {
-    return glm::length(axisAngleOf(quaternionOf(a.rotation[joint]) *
-                                   glm::conjugate(quaternionOf(b.rotation[joint]))));
+std::set<std::string> namesIn(const fs::path& folder) {
+    std::set<std::string> names;
+    for (const auto& entry : fs::directory_iterator(folder))
+        names.insert(entry.path().filename().string());
+    return names;
 }
 
 TEST(Take, KeysAloneAreReadBack) {
@@ -64,6 +54,8 @@ TEST(Take, KeysAloneAreReadBack) {
     const std::optional<Take> take = readTake(folder / "keys.npz");
     ASSERT_TRUE(take);
     EXPECT_EQ(take->motion, nullptr);
+    fs::copy(folder / "keys.npz", folder / "KEYS.NPZ");
+    EXPECT_TRUE(readTake(folder / "KEYS.NPZ")) << "however the name is written";
     PoseEditor other;
     other.openTake(*take, 10, "open keys");
     ASSERT_EQ(other.keyframes().size(), 3u);
@@ -197,9 +189,52 @@ TEST(Session, SaysAllThatWasEdited) {
               "here: fade: expected a number from 0 to 1000, found -3.0");
     EXPECT_EQ(spoilt("\"avatar\":\"", "\"avatar\":7,\"a\":\""),
               "here: avatar: expected at most 4096 bytes of text, found 7");
+    const std::string deep = std::string(1'000'000, '[') + std::string(1'000'000, ']');
+    EXPECT_EQ(messageOf<InputError>([&] { readSessionText(deep, "here"); }),
+              "here: expected a session of at most 8 levels, found more");
+    EXPECT_EQ(spoilt("\"frames\":\"0:50\"", "\"frames\":" + deep),
+              "here: expected a session of at most 8 levels, found more");
     // Cut anywhere it is refused and nothing else happens.
     for (size_t length = 0; length < good.size(); length += 7)
         EXPECT_THROW(readSessionText(good.substr(0, length), "here"), InputError) << length;
+}
+
+TEST(Recovery, RemovesWhatKilledViewersLeftHalfWritten) {
+    Folder folder;
+    fs::create_directories(folder / "sessions");
+    for (const char* name : {"view-1-1.json", "view-1-1.lock", "view-2-2.lock",
+                             ".view-3-3.doppel-tmp-0.json", "notes.txt", ".notes.json"})
+        folder.write(std::string("sessions/") + name, "{}");
+    AtomicFile living(folder / "sessions/view-4-4.json");
+    FileLock held;
+    ASSERT_TRUE(held.take(folder / "sessions/view-4-4.lock"));
+    const Recovery recovery(folder.path());
+    EXPECT_EQ(namesIn(folder / "sessions"),
+              (std::set<std::string>{"view-1-1.json", "view-1-1.lock", "view-4-4.lock",
+                                     ".view-4-4.doppel-tmp-0.json", "notes.txt", ".notes.json"}));
+    living.commit();
+}
+
+TEST(Recovery, KnowsWhetherItKeepsATextOfTheSession) {
+    Folder folder;
+    Recovery recovery(folder.path());
+    EXPECT_FALSE(recovery.kept());
+    folder.write("sessions", "a file in the way");
+    EXPECT_THROW(recovery.write("one"), InputError);
+    EXPECT_FALSE(recovery.kept());
+    fs::remove(folder / "sessions");
+    recovery.write("two");
+    EXPECT_TRUE(recovery.kept());
+    EXPECT_EQ(bytesOf(recovery.file()), "two");
+    EXPECT_TRUE(Recovery(folder.path()).orphans().empty()) << "it is held";
+    // Somebody tidies up.
+    fs::remove_all(folder / "sessions");
+    recovery.write("three");
+    EXPECT_EQ(bytesOf(recovery.file()), "three");
+    EXPECT_TRUE(Recovery(folder.path()).orphans().empty()) << "it is held again";
+    recovery.clear();
+    EXPECT_FALSE(recovery.kept());
+    EXPECT_TRUE(namesIn(folder / "sessions").empty());
 }
 
 }  // namespace

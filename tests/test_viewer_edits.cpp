@@ -1,7 +1,9 @@
 // Nothing that was edited is lost: keys over a motion, undo, saving, closing, and a killed window.
 #include <sys/wait.h>
 
+#include "engine/files/atomic_file.h"
 #include "tests/viewer_test.h"
+#include "trainer/data/output_folder.h"
 
 namespace doppel::test {
 namespace {
@@ -108,7 +110,7 @@ TEST_F(EditsTest, SavesWhatIsSeenAndAsksBeforeItOverwrites) {
     keyWith("Control_L", "s");
     EXPECT_NE(viewer.question().find("poses-1.npz is there already"), std::string::npos);
     EXPECT_EQ(viewer.answers(),
-              (std::vector<std::string>{"Overwrite it", "Save beside it", "Cancel"}));
+              (std::vector<std::string>{"Save beside it", "Overwrite it", "Cancel"}));
     press("Escape");
     EXPECT_EQ(viewer.question(), "");
     EXPECT_EQ(bytesOf(file), theirs);
@@ -128,6 +130,90 @@ TEST_F(EditsTest, SavesWhatIsSeenAndAsksBeforeItOverwrites) {
     EXPECT_EQ(thetaOf(viewer.editor().poseAt(4)), thetaOf(edited));
     EXPECT_EQ(viewer.editor().motion()->theta, readMotion(*folder_ / "motion.npz").theta);
     EXPECT_FALSE(viewer.editor().modified());
+}
+
+TEST_F(EditsTest, EnterDoesNotOverwrite) {
+    Viewer& viewer = openMotion();
+    press("Right", 4);
+    lift(50);
+    keyWith("Control_L", "s");
+    const fs::path work = *folder_ / "work";
+    // Somebody else has written it since.
+    std::ofstream(work / "poses-1.npz") << "theirs";
+    fs::last_write_time(work / "poses-1.npz", fs::file_time_type::clock::now());
+    lift(20);
+    // An Enter that is held since before the question is no answer.
+    screen_->keyDown("Return");
+    turn();
+    viewer.save();
+    ptrdiff_t repeated = 0;
+    await("the key to repeat", [&] {
+        viewer.frame();
+        repeated += std::ranges::count(viewer.window().keys(), true, &KeyPress::repeated);
+        return repeated >= 3;
+    });
+    screen_->keyUp("Return");
+    EXPECT_NE(viewer.question(), "");
+    turn();
+    press("Return");
+    EXPECT_EQ(viewer.question(), "");
+    EXPECT_EQ(bytesOf(work / "poses-1.npz"), "theirs");
+    EXPECT_TRUE(fs::exists(work / "poses-1-1.npz")) << viewer.message();
+    EXPECT_FALSE(viewer.editor().modified());
+}
+
+TEST_F(EditsTest, EachOpenedMotionHasItsOwnFile) {
+    Viewer& viewer = openMotion();
+    press("Right", 4);
+    lift(50);
+    keyWith("Control_L", "s");
+    const fs::path first = *folder_ / "work" / "poses-1.npz",
+                   second = *folder_ / "work" / "poses-2.npz";
+    const std::string before = bytesOf(first);
+    Motion other = turningMotion(10);
+    writeNpz(*folder_ / "other.npz", posesArrays(other.theta, other.trans, {}), false);
+    viewer.loadMotion(*folder_ / "other.npz");
+    settle();
+    press("Right", 2);
+    lift(30);
+    keyWith("Control_L", "s");
+    ASSERT_TRUE(fs::exists(second)) << viewer.message();
+    EXPECT_EQ(bytesOf(first), before);
+    const std::string others = bytesOf(second);
+
+    // Undo goes back to the first motion, and so to its file.
+    keyWith("Control_L", "z");
+    keyWith("Control_L", "z");
+    ASSERT_EQ(viewer.frameCount(), 30);
+    lift(20);
+    keyWith("Control_L", "s");
+    EXPECT_EQ(viewer.question(), "");
+    EXPECT_EQ(bytesOf(second), others);
+    EXPECT_NE(bytesOf(first), before);
+    EXPECT_EQ(readMotion(first).size(), 30u);
+    EXPECT_FALSE(fs::exists(*folder_ / "work" / "poses-3.npz"));
+
+    // What is left when a motion is closed is no work.
+    viewer.closeMotion();
+    settle();
+    EXPECT_FALSE(viewer.editor().modified());
+}
+
+TEST_F(EditsTest, NamesThatAreTakenAreLeftAlone) {
+    Viewer& viewer = open();
+    // A link to itself, whose end cannot be looked for.
+    fs::create_symlink("poses-1.npz", "poses-1.npz");
+    lift(40);
+    keyWith("Control_L", "s");
+    EXPECT_TRUE(fs::exists("poses-2.npz")) << viewer.message();
+    EXPECT_TRUE(fs::is_symlink("poses-1.npz"));
+    // Pictures that another window is still writing.
+    AtomicFile theirs("doppel-1.png");
+    OutputFolder frames("doppel-2.png", "render");
+    press("F12");
+    EXPECT_FALSE(fs::exists("doppel-1.png"));
+    EXPECT_FALSE(fs::exists("doppel-2.png"));
+    EXPECT_TRUE(fs::exists("doppel-3.png")) << viewer.message();
 }
 
 TEST_F(EditsTest, ClosingAsksForWhatIsNotSaved) {
@@ -156,12 +242,25 @@ TEST_F(EditsTest, ClosingAsksForWhatIsNotSaved) {
     drag({40, 300}, {90, 300}, 2);
     EXPECT_NE(viewer.camera().yaw, yaw) << "the window goes on";
 
-    viewer.window().close();  // as by its own button
-    settle();
+    keyWith("Control_L", "q");
     ASSERT_NE(viewer.question(), "");
     screen_->key("Return");
     await("the window to save and close", [&] { return !viewer.frame(); });
     EXPECT_EQ(thetaOf(edited), readMotion(*folder_ / "work" / "poses-1.npz").theta[0]);
+}
+
+TEST_F(EditsTest, TheWindowsOwnButtonAsks) {
+    Viewer& viewer = open();
+    lift(40);
+    screen_->closeWindow();
+    settle();
+    EXPECT_EQ(viewer.question(), "What you edited is not saved.");
+    press("Escape");
+    EXPECT_EQ(viewer.question(), "");
+    keyWith("Control_L", "z");
+    ASSERT_FALSE(viewer.editor().modified());
+    screen_->closeWindow();
+    await("the window to close", [&] { return !viewer.frame(); });
 }
 
 TEST_F(EditsTest, OpeningAMotionAsksForWhatIsNotSaved) {
@@ -290,14 +389,53 @@ TEST_F(EditsTest, ASessionComesBackWithItsMotionAndShape) {
     EXPECT_EQ(viewer_->editor().pose(), before.pose);
     viewer_.reset();
 
-    // Without its motion the keys are there all the same; damaged files are left alone.
-    fs::remove(poses);
-    std::ofstream(*folder_ / "state" / "sessions" / "view-0-0.json") << "{\"doppel_session\": 1";
+    // Without its motion the keys are there all the same, and the motion may come back; damaged
+    // files are left alone.
+    const fs::path sessions = *folder_ / "state" / "sessions", hidden = *folder_ / "hidden.npz";
+    fs::rename(poses, hidden);
+    std::ofstream(sessions / "view-0-0.json") << "{\"doppel_session\": 1";
     open(options);
     press("Return");
     EXPECT_EQ(viewer_->editor().keyframes().size(), 1u);
     EXPECT_NE(viewer_->message().find("not the motion under them"), std::string::npos);
-    EXPECT_TRUE(fs::exists(*folder_ / "state" / "sessions" / "view-0-0.json"));
+    EXPECT_TRUE(fs::exists(sessions / "view-0-0.json"));
+    keyWith("Control_L", "s");
+    EXPECT_FALSE(viewer_->editor().modified());
+    viewer_.reset();
+    fs::rename(hidden, poses);
+    open(options);
+    ASSERT_NE(viewer_->question(), "") << "it waits for its motion";
+    press("Return");
+    ASSERT_TRUE(viewer_->editor().motion());
+    EXPECT_EQ(viewer_->editor().take().keys, before.keys);
+}
+
+TEST_F(EditsTest, WhatCouldNotBeKeptIsTriedAgain) {
+    const fs::path sessions = *folder_ / "state" / "sessions";
+    fs::create_directories(sessions.parent_path());
+    std::ofstream(sessions) << "a file in the way";
+    ViewerOptions options;
+    options.state = *folder_ / "state";
+    Viewer& viewer = open(options);
+    lift(40);
+    EXPECT_NE(viewer.message().find("cannot be kept"), std::string::npos) << viewer.message();
+    fs::remove(sessions);
+    await("the session to be kept", [&] {
+        viewer.frame();
+        return fs::exists(sessions);
+    });
+}
+
+// Whatever ends the program, the next start has what was edited.
+TEST_F(EditsTest, AnyFailureLeavesTheSession) {
+    ViewerOptions options;
+    options.state = *folder_ / "state";
+    Viewer& viewer = open(options);
+    viewer.editor().setKeyframe(0);
+    EXPECT_THROW(viewer.run([] { throw std::runtime_error("nobody thought of this"); }),
+                 std::runtime_error);
+    viewer_.reset();
+    EXPECT_NE(open(options).question().find("one key"), std::string::npos);
 }
 
 }  // namespace

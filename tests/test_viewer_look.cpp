@@ -121,6 +121,9 @@ TEST_F(LookTest, KeysMakeLettersLargerAndTheyAreRemembered) {
         std::ofstream(*folder_ / "state" / "preferences.json") << text;
         EXPECT_EQ(readPreferences(*folder_ / "state"), Preferences{}) << text;
     }
+    std::ofstream(*folder_ / "state" / "preferences.json")
+        << "{\"recent\": " << std::string(400'000, '[') << std::string(400'000, ']') << "}";
+    EXPECT_EQ(readPreferences(*folder_ / "state"), Preferences{}) << "a deep list";
     // What was opened last comes first, once.
     Preferences preferences;
     for (int i = 0; i < 20; ++i) remember(preferences, fmt::format("/somewhere/{}", i % 15));
@@ -131,10 +134,58 @@ TEST_F(LookTest, KeysMakeLettersLargerAndTheyAreRemembered) {
     EXPECT_EQ(readPreferences(*folder_ / "state"), preferences);
 }
 
+TEST_F(LookTest, TheHelpFitsSmallWindows) {
+    Viewer& viewer = openAt(420, 320, 1);
+    viewer.settings().panel = false;
+    screen_->key("h");
+    settle();
+    expectNothingCut("the help");
+    const auto bottomOf = [&](const std::string& label) {
+        for (const DrawnItem& item : drawnItems())
+            if (item.label == label) return item.high.y;
+        return INFINITY;
+    };
+    EXPECT_GT(bottomOf("quit"), 320) << "there is more than the window has room for";
+    screen_->move(200, 150);
+    turn();
+    for (int i = 0; i < 40; ++i) screen_->click(5);
+    settle();
+    EXPECT_LT(bottomOf("quit"), .1 * 320 + .88 * 320) << "it scrolls";
+    keep("420-320-help", 420, 320);
+}
+
+TEST_F(LookTest, AQuestionDimsWhatIsBehindIt) {
+    for (Theme theme : {Theme::Dark, Theme::Light}) {
+        Viewer& viewer = openAt(700, 500, 1, theme);
+        const auto brightness = [&] {
+            const Canvas& drawn = viewer.window().drawn();
+            return drawn.row(20)[20] & 0xff;
+        };
+        viewer.settings().figures = false;
+        settle();
+        const uint32_t before = brightness();
+        viewer.editor().setKeyframe(0);
+        screen_->closeWindow();
+        settle();
+        ASSERT_NE(viewer.question(), "");
+        EXPECT_LT(brightness(), .8 * before);
+        keep(theme == Theme::Dark ? "question-dark" : "question-light", 700, 500);
+        viewer_.reset();
+    }
+}
+
+// The letters of Dear ImGui's own font are all of one width.
 TEST_F(LookTest, TheFontIsFoundOrDoneWithout) {
-    const fs::path font = interfaceFont();
-    if (font.empty()) GTEST_SKIP() << "none of the fonts is installed; fonts-dejavu-core has one";
-    EXPECT_TRUE(fs::is_regular_file(font));
+    openAt(900, 700, 1);
+    const auto widthOf = [&](const std::string& label) {
+        for (const DrawnItem& item : drawnItems())
+            if (item.label == label) return item.high.x - item.low.x;
+        return 0.f;
+    };
+    const float five = widthOf("front"), four = widthOf("side"), three = widthOf("top");
+    ASSERT_GT(three, 0);
+    const bool ofOneWidth = std::abs((five - four) - (four - three)) < .01f;
+    EXPECT_EQ(ofOneWidth, interfaceFont().empty());
 }
 
 }  // namespace

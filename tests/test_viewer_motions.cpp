@@ -3,7 +3,6 @@
 #include "engine/io/video.h"
 #include "tests/viewer_test.h"
 #include "trainer/avatar/checkpoint.h"
-#include "trainer/data/capture_writer.h"
 
 namespace doppel::test {
 namespace {
@@ -56,26 +55,9 @@ TEST_F(ViewerTest, PlaysMotions) {
 }
 
 TEST_F(ViewerTest, LooksThroughTheCapturesCamera) {
-    Motion motion = turningMotion(2);
-    fs::path folder = *folder_ / "capture";
-    {
-        CaptureWriter writer(folder);
-        Capture capture;
-        capture.name = "captured";
-        for (size_t f = 0; f < motion.size(); ++f) {
-            std::string name = fmt::format("{}", f);
-            Image frame(80, 60, 3);
-            for (size_t i = 0; i < frame.data.size(); ++i)
-                frame.data[i] = i % 3 == f ? 200 : 40;  // red, then green
-            writer.addImage(name, 80, 60, frame.data);
-            capture.frames.push_back({name, {}, {}, {75, 75, 40, 30, 80, 60}});
-            capture.theta.push_back(motion.theta[f]);
-            capture.trans.push_back(motion.trans[f]);
-        }
-        writer.commit(capture);
-    }
     ViewerOptions options;
-    options.motion = folder;
+    options.motion = *folder_ / "capture";
+    writeColouredCapture(options.motion, turningMotion(2));
     Viewer& viewer = open(options);
     screen_->key("0");
     settle();
@@ -165,6 +147,107 @@ TEST_F(ViewerTest, FilmsWhatIsShown) {
     EXPECT_EQ(viewer.timeline(), 0);
     EXPECT_EQ(messageOf<InputError>([&] { viewer.startFilm(*folder_ / "avatar", 0); }).empty(),
               false);
+}
+
+TEST_F(ViewerTest, WhatCannotBeReadIsSaid) {
+    ViewerOptions options;
+    options.motion = *folder_ / "damaged";
+    writeColouredCapture(options.motion, turningMotion(3));
+    Viewer& viewer = open(options);
+    screen_->key("0");
+    settle();
+    EXPECT_GT(picture().pixel(33, 300)[0], 150);
+    const std::string missing = readCapture(options.motion).frames[1].image.string();
+    fs::remove(missing);
+    screen_->key("Right");
+    settle();
+    EXPECT_NE(viewer.message().find(missing), std::string::npos) << viewer.message();
+    const Image without = picture();
+    EXPECT_EQ(without.pixel(33, 300)[0], without.pixel(4, 300)[0]) << "in place of the frame";
+    screen_->key("Right");
+    settle();
+    EXPECT_GT(picture().pixel(33, 300)[2], 150) << "the others are there";
+
+    // A film would have a hole.
+    viewer.startFilm(*folder_ / "hole.mp4", 64);
+    for (int i = 0; i < 500 && viewer.working(); ++i) viewer.frame();
+    EXPECT_NE(viewer.message().find(missing), std::string::npos) << viewer.message();
+    EXPECT_FALSE(fs::exists(*folder_ / "hole.mp4"));
+    EXPECT_EQ(viewer.timeline(), 2) << "as before the film";
+    settle();
+    EXPECT_EQ(viewer.editor().pose(), motionPose(*viewer.editor().motion(), 2));
+}
+
+TEST_F(ViewerTest, NothingDisturbsAFilm) {
+    Motion motion = turningMotion(60);
+    ViewerOptions options;
+    options.motion = *folder_ / "long.npz";
+    options.width = 900, options.height = 700;
+    writeNpz(options.motion, posesArrays(motion.theta, motion.trans, {}), false);
+    Viewer& viewer = open(options);
+    viewer.settings().panel = true;
+    settle();
+    const auto click = [&](const std::string& label) {
+        const glm::dvec2 place = itemAt(label);
+        screen_->move(place.x, place.y);
+        turn(2);
+        screen_->press(1);
+        turn(2);
+        screen_->release(1);
+        turn(2);
+    };
+    const double distance = viewer.camera().distance;
+    viewer.camera().dolly(1.5);
+    settle();
+    const size_t steps = viewer.editor().steps();
+    const fs::path film = *folder_ / "long.mp4";
+    viewer.startFilm(film, 64);
+    for (const char* label : {"key here", "frame", "wireframe", "frame all", "Files"}) click(label);
+    click("close motion");
+    ASSERT_TRUE(viewer.working()) << "the film is too short for this test";
+    EXPECT_TRUE(viewer.editor().keyframes().empty());
+    EXPECT_TRUE(viewer.editor().motion());
+    EXPECT_FALSE(viewer.settings().wireframe);
+    EXPECT_NEAR(viewer.camera().distance, 1.5 * distance, 1e-9);
+    EXPECT_EQ(viewer.editor().steps(), steps);
+
+    // A film is given up with the window only.
+    viewer.editor().setBetas({1});
+    screen_->closeWindow();
+    turn();
+    ASSERT_NE(viewer.question(), "");
+    EXPECT_TRUE(viewer.working());
+    viewer.answer("Cancel");
+    for (int i = 0; i < 500 && viewer.working(); ++i) viewer.frame();
+    EXPECT_EQ(VideoReader(film).frameCount(), 60);
+    viewer.startFilm(*folder_ / "never.mp4", 64);
+    turn();
+    screen_->closeWindow();
+    turn();
+    viewer.answer("Do not save");
+    await("the window to close", [&] { return !viewer.frame(); });
+    viewer_.reset();
+    for (const std::string& name : folder_->names())
+        EXPECT_EQ(name.find("never"), std::string::npos) << name;
+}
+
+TEST_F(ViewerTest, AWindowThatIsClosedFinishesItsExport) {
+    Viewer& viewer = open();
+    const fs::path out = *folder_ / "last.glb";
+    viewer.startExport(out);
+    screen_->closeWindow();
+    await("the window to close", [&] { return !viewer.frame(); });
+    EXPECT_FALSE(viewer.working());
+    EXPECT_TRUE(fs::exists(out)) << viewer.message();
+
+    Viewer& other = open();
+    fs::create_directory(*folder_ / "folder.glb");
+    other.startExport(*folder_ / "folder.glb");
+    screen_->closeWindow();
+    for (int i = 0; i < 3000 && other.working(); ++i) ASSERT_TRUE(other.frame());
+    EXPECT_NE(other.message().find("folder.glb"), std::string::npos);
+    settle();
+    EXPECT_FALSE(other.window().closed()) << "whoever closed it hears of what went wrong";
 }
 
 TEST_F(ViewerTest, ExportsWhatIsShown) {

@@ -16,6 +16,7 @@
 #include "tests/files.h"
 #include "tests/screen.h"
 #include "trainer/avatar/networks.h"
+#include "trainer/data/capture_writer.h"
 #include "trainer/motion/session.h"
 #include "viewer/drawn_items.h"
 #include "viewer/viewer.h"
@@ -207,6 +208,31 @@ inline double difference(const Image& a, const Image& b) {
             for (int c = 0, seen = 0; c < 3 && !seen; ++c)
                 if (std::abs(a.pixel(x, y)[c] - b.pixel(x, y)[c]) > 24) ++different, seen = 1;
     return double(different) / (a.width * a.height);
+}
+
+// What of a picture is not as its corner, which shows the background.
+inline double shareOfAvatar(const Image& picture) {
+    Image background(picture.width, picture.height, 3);
+    for (size_t i = 0; i < background.data.size(); ++i)
+        background.data[i] = picture.pixel(0, 0)[i % 3];
+    return difference(picture, background);
+}
+
+// A capture of these frames, each of one colour: red, green, blue, red, …
+inline void writeColouredCapture(const fs::path& folder, const Motion& motion) {
+    CaptureWriter writer(folder);
+    Capture capture;
+    capture.name = "captured";
+    for (size_t f = 0; f < motion.size(); ++f) {
+        const std::string name = fmt::format("{}", f);
+        Image frame(80, 60, 3);
+        for (size_t i = 0; i < frame.data.size(); ++i) frame.data[i] = i % 3 == f % 3 ? 200 : 40;
+        writer.addImage(name, 80, 60, frame.data);
+        capture.frames.push_back({name, {}, {}, {75, 75, 40, 30, 80, 60}});
+        capture.theta.push_back(motion.theta[f]);
+        capture.trans.push_back(motion.trans[f]);
+    }
+    writer.commit(capture);
 }
 
 // Against tests/screens/NAME.png, a quarter of the size; DOPPEL_WRITE_SCREENS=1 writes it anew.

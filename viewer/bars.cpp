@@ -29,6 +29,7 @@ void Viewer::drawTimeline() {
     ImGui::SetNextWindowPos({0, size.y - height});
     ImGui::SetNextWindowSize({size.x, height});
     ImGui::Begin("timeline", nullptr, kFixed | ImGuiWindowFlags_NoScrollbar);
+    ImGui::BeginDisabled(film_ != nullptr);
     // What a narrow window has no room for: the speed first, then the fade, the clock last.
     const bool wide = size.x >= 760 * unit, wider = size.x >= 960 * unit;
     if (button(playing_ ? "pause" : " play ")) play(!playing_);
@@ -102,6 +103,7 @@ void Viewer::drawTimeline() {
             {x - 4 * unit, at.y - 4 * unit}, {x + 4 * unit, at.y - 4 * unit}, {x, at.y + 2 * unit},
             IM_COL32(255, 170, 40, 255));
     }
+    ImGui::EndDisabled();
     ImGui::End();
 }
 
@@ -138,6 +140,7 @@ void Viewer::drawStatus() {
     if (film_)
         text(bad,
              fmt::format("drawing the film: {:.0f} %  (Escape gives up)", 100.0 * filmProgress()));
+    if (export_ && window_.closed()) text(bad, "the window closes once the glTF file is written");
     size_t shown = 0;
     for (auto message = messages_.rbegin(); message != messages_.rend() && shown < kMessagesShown;
          ++message)
@@ -155,8 +158,13 @@ void Viewer::drawStatus() {
 void Viewer::drawQuestion() {
     if (!question_ && !questionOpen_) return;
     constexpr const char* kName = "Doppel asks";
-    if (!questionOpen_) ImGui::OpenPopup(kName);
+    if (!questionOpen_) {
+        ImGui::OpenPopup(kName);
+        questionSince_ = Clock::now();
+    }
     questionOpen_ = true;
+    // Dear ImGui darkens what is behind it little by little.
+    if (millisecondsSince(questionSince_) < 300) framesToDraw_ = std::max(framesToDraw_, 2);
     const ImVec2 size = ImGui::GetIO().DisplaySize;
     const auto unit = static_cast<float>(window_.unit());
     ImGui::SetNextWindowPos({size.x / 2, size.y / 2}, ImGuiCond_Always, {.5f, .5f});
@@ -190,9 +198,6 @@ void Viewer::drawHelp() {
     const auto unit = static_cast<float>(window_.unit());
     ImGui::SetNextWindowPos({std::min(40 * unit, size.x / 20), std::min(60 * unit, size.y / 10)},
                             ImGuiCond_Appearing);
-    ImGui::SetNextWindowSizeConstraints({0, 0}, {size.x * .95f, size.y * .88f});
-    ImGui::Begin("Help", &settings_.help,
-                 ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoSavedSettings);
     const char* rows[][2] = {
         {"drag a joint", "moves it, the limb follows"},
         {"drag a ring", "turns the selected joint"},
@@ -216,18 +221,33 @@ void Viewer::drawHelp() {
         {"B", "side by side: meshes, textures, off"},
         {"W  L  J", "wireframe, light, joints"},
         {"N, Tab", "panel"},
-        {"Ctrl + plus, minus, 0", "larger, smaller letters, as they were"},
+        {"Ctrl + plus, minus, 0", "larger, smaller letters, of scale 1"},
         {"F12", "save the picture"},
         {"Escape", "give up a drag or a film, deselect"},
         {"Ctrl + Q", "quit"},
     };
-    if (ImGui::BeginTable("keys", 2, ImGuiTableFlags_SizingFixedFit)) {
+    // As wide as its rows where the window has room, else they wrap; what is too high scrolls.
+    float keys = 0, meanings = 0;
+    for (const auto& row : rows) {
+        keys = std::max(keys, ImGui::CalcTextSize(row[0]).x);
+        meanings = std::max(meanings, ImGui::CalcTextSize(row[1]).x);
+    }
+    const ImGuiStyle& style = ImGui::GetStyle();
+    const float wide = std::ceil(keys) + std::ceil(meanings) + 4 * style.CellPadding.x +
+                       2 * style.WindowPadding.x + style.ScrollbarSize + unit;
+    ImGui::SetNextWindowSizeConstraints({0, 0}, {size.x * .95f, size.y * .88f});
+    ImGui::SetNextWindowSize({std::ceil(std::min(wide, size.x * .95f)), 0});  // 0: as high as it is
+    ImGui::Begin("Help", &settings_.help,
+                 ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoSavedSettings);
+    if (ImGui::BeginTable("keys", 2)) {
+        ImGui::TableSetupColumn("keys", ImGuiTableColumnFlags_WidthFixed, std::ceil(keys));
+        ImGui::TableSetupColumn("meanings", ImGuiTableColumnFlags_WidthStretch);
         for (const auto& row : rows) {
             ImGui::TableNextRow();
             ImGui::TableNextColumn();
-            ImGui::TextUnformatted(row[0]);
+            words(row[0]);
             ImGui::TableNextColumn();
-            ImGui::TextDisabled("%s", row[1]);
+            hint(row[1]);
         }
         ImGui::EndTable();
     }

@@ -9,6 +9,7 @@
 #include "engine/files/atomic_file.h"
 #include "trainer/avatar/rendering.h"
 #include "trainer/data/frame_selection.h"
+#include "trainer/data/output_folder.h"
 #include "viewer/pose/pose_text.h"
 #include "viewer/viewer.h"
 
@@ -19,6 +20,7 @@ namespace {
 
 constexpr double kGestureSeconds = 2;   // between two writings of the session while a limb moves
 constexpr double kRestPerWriting = 20;  // times as long as a writing takes nothing is written
+constexpr double kRetrySeconds = 5;     // after a writing that failed
 
 std::string lower(std::string text) {
     std::ranges::transform(text, text.begin(), [](char c) {
@@ -37,6 +39,17 @@ fs::file_time_type timeOf(const fs::path& path) {
     std::error_code error;
     fs::file_time_type time = fs::last_write_time(path, error);
     return error ? fs::file_time_type{} : time;
+}
+
+// False where the folder cannot be looked into: whoever writes there says why.
+bool isThere(const fs::path& path) {
+    std::error_code ignored;
+    return fs::exists(fs::symlink_status(path, ignored));
+}
+
+// Or will be, once another window or a film has finished it.
+bool isTaken(const fs::path& path) {
+    return isThere(path) || isBeingWritten(path) || isFolderBeingWritten(path);
 }
 
 }  // namespace
@@ -83,8 +96,7 @@ void Viewer::loadMotion(const fs::path& path, const std::string& frames) {
     else
         editor_->openMotion(take.motion, "open " + take.motion->name);
     editor_->markSaved();
-    savedFile_ = keyed ? fs::path(absolutePath(path)) : fs::path();
-    savedTime_ = {};
+    if (keyed) savedFiles_[editor_->opening()] = {absolutePath(path)};
     timeline_ = 0;
     showTime();
     if (!motion() || motion()->cameras.empty()) settings_.captureCamera = false;
@@ -100,9 +112,9 @@ void Viewer::closeMotion() {
     play(false);
     endDrag();
     editor_->openMotion(nullptr, "close motion");
+    editor_->markSaved();  // the pose that is left was the motion's
     settings_.captureCamera = false;
     timeline_ = 0;
-    savedFile_.clear();
 }
 
 void Viewer::loadPicture(const fs::path& path) {
@@ -158,7 +170,7 @@ void Viewer::setLook(Theme theme, double scale) {
 fs::path Viewer::freeName(const std::string& stem, const std::string& extension) const {
     for (int i = 1;; ++i) {
         fs::path path = fmt::format("{}-{}{}", stem, i, extension);
-        if (!fs::exists(path)) return path;
+        if (!isTaken(path)) return path;
     }
 }
 
@@ -167,38 +179,44 @@ void Viewer::savePoses(const fs::path& path) {
     editor_->endGesture();
     writeTake(path, editor_->take(), fps());
     editor_->markSaved();
-    savedFile_ = absolutePath(path);
-    savedTime_ = timeOf(savedFile_);
+    savedFiles_[editor_->opening()] = {absolutePath(path), timeOf(path)};
     keepSession(true);
     say(fmt::format("poses in {}", path.string()));
 }
 
+Viewer::SavedFile Viewer::savedFile() const {
+    const auto found = savedFiles_.find(editor_->opening());
+    return found == savedFiles_.end() ? SavedFile{} : found->second;
+}
+
 void Viewer::save() {
-    if (savedFile_.empty())
+    const SavedFile file = savedFile();
+    if (file.path.empty())
         savePoses(freeName("poses", ".npz"));
-    else if (fs::exists(savedFile_) && timeOf(savedFile_) != savedTime_)
-        askToOverwrite(savedFile_);
+    else if (isThere(file.path) && timeOf(file.path) != file.time)
+        askToOverwrite(file.path);
     else
-        savePoses(savedFile_);
+        savePoses(file.path);
 }
 
 void Viewer::saveAs(const fs::path& path) {
     fs::path out = path;
     if (lower(out.extension().string()) != ".npz") out += ".npz";
-    if (!fs::exists(out) ||
-        (fs::path(absolutePath(out)) == savedFile_ && timeOf(savedFile_) == savedTime_))
+    const SavedFile file = savedFile();
+    if (!isTaken(out) || (absolutePath(out) == file.path && timeOf(out) == file.time))
         savePoses(out);
     else
         askToOverwrite(out);
 }
 
 void Viewer::askToOverwrite(const fs::path& path) {
-    ask({fmt::format("{} is there already, and this window did not write it.", path.string()),
-         {{"Overwrite it", [this, path] { savePoses(path); }},
-          {"Save beside it",
+    ask({fmt::format("{} is there already, and what it holds was not saved from here.",
+                     path.string()),
+         {{"Save beside it",
            [this, path] {
                savePoses(freeName((path.parent_path() / path.stem()).string(), ".npz"));
            }},
+          {"Overwrite it", [this, path] { savePoses(path); }},
           {"Cancel", {}}}});
 }
 
@@ -257,8 +275,8 @@ void Viewer::afterSaving(const std::string& what, std::function<void()> then) {
 }
 
 void Viewer::askToLeave() {
-    if (film_) cancelFilm();
     afterSaving("What you edited is not saved.", [this] {
+        cancelFilm();
         givenUpVersion_ = editor_->version();
         window_.close();
     });
@@ -274,7 +292,7 @@ std::string Viewer::sessionNow() const {
             session.motion = absolutePath(open.path);
             session.frames = open.frames;
         }
-    session.saved = savedFile_.string();
+    session.saved = savedFile().path.string();
     std::time_t now = std::time(nullptr);
     char when[32] = "";
     if (std::tm local{}; localtime_r(&now, &local))
@@ -286,22 +304,24 @@ std::string Viewer::sessionNow() const {
 }
 
 // Writes down what is not saved, once it has changed; a long list of keys less often.
-void Viewer::keepSession(bool now) {
-    if (!recovery_.enabled()) return;
+bool Viewer::keepSession(bool now) {
+    if (!recovery_.enabled()) return false;
     if (!editor_->modified()) {
         recovery_.clear();
         keptVersion_ = 0;
-        return;
+        return true;
     }
-    if (keptVersion_ == editor_->version()) return;
+    if (keptVersion_ == editor_->version()) return true;
     double since = std::chrono::duration<double>(Clock::now() - keptAt_).count();
     if (!now && (since < kRestPerWriting * keptSeconds_ ||
-                 (editor_->inGesture() && since < kGestureSeconds)))
-        return;
+                 (editor_->inGesture() && since < kGestureSeconds) ||
+                 (keepingFailed_ && since < kRetrySeconds)))
+        return false;
     auto before = Clock::now();
-    keptVersion_ = editor_->version();
     try {
         recovery_.write(sessionNow());
+        keptVersion_ = editor_->version();
+        keepingFailed_ = false;
     } catch (const std::exception& error) {
         if (!keepingFailed_)
             say(fmt::format("what is not saved cannot be kept for the next start: {}",
@@ -311,9 +331,10 @@ void Viewer::keepSession(bool now) {
     }
     keptAt_ = Clock::now();
     keptSeconds_ = std::chrono::duration<double>(keptAt_ - before).count();
+    return !keepingFailed_;
 }
 
-void Viewer::recover(const std::string& text, const std::string& name) {
+bool Viewer::recover(const std::string& text, const std::string& name) {
     Session session = readSessionText(text, name);
     std::string missing;
     if (!session.motion.empty()) {
@@ -325,15 +346,15 @@ void Viewer::recover(const std::string& text, const std::string& name) {
     }
     editor_->openTake(session.take, session.time, "bring back");
     timeline_ = session.time;
-    savedFile_ = session.saved;
-    savedTime_ = {};  // somebody may have written it since
+    // Without a time: somebody may have written it since.
+    if (!session.saved.empty()) savedFiles_[editor_->opening()] = {session.saved};
     layOut();
     frameAll();
     if (missing.empty())
         say(fmt::format("as it was at {}; Ctrl+S saves it", session.when));
     else
         say(fmt::format("the poses are back, but not the motion under them: {}", missing), true);
-    keepSession(true);
+    return keepSession(true) && missing.empty();
 }
 
 void Viewer::offerRecovery() {
@@ -355,8 +376,7 @@ void Viewer::offerRecovery() {
                                      : fmt::format("{} keys", keys)),
              {{"Bring it back",
                [this, orphan] {
-                   recover(orphan->text, orphan->file.string());
-                   Recovery::remove(*orphan);
+                   if (recover(orphan->text, orphan->file.string())) Recovery::remove(*orphan);
                }},
               {"Throw it away",
                [this, orphan] {

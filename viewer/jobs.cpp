@@ -75,7 +75,12 @@ void Viewer::advanceJobs() {
     if (export_ && export_->done.wait_for(std::chrono::milliseconds(film_ ? 0 : 5)) ==
                        std::future_status::ready) {
         std::unique_ptr<ExportJob> job = std::move(export_);
-        job->done.get();
+        try {
+            job->done.get();
+        } catch (...) {
+            window_.keepOpen();  // whoever closed it shall hear of it
+            throw;
+        }
         say(fmt::format("glTF in {}", job->out.string()));
     }
     if (film_) advanceFilm();
@@ -83,9 +88,16 @@ void Viewer::advanceJobs() {
 
 void Viewer::cancelFilm() {
     if (!film_) return;
+    endFilm();
+    say("the film was given up; nothing of it is left");
+}
+
+// All as it was before the film; what is not finished leaves no file.
+void Viewer::endFilm() {
     timeline_ = film_->timelineBefore;
     film_.reset();
-    say("the film was given up; nothing of it is left");
+    shown_.reset();
+    showTime();
 }
 
 float Viewer::filmProgress() const {
@@ -122,13 +134,11 @@ void Viewer::advanceFilm() {
         film.pictures.add(image);
         if (++film.next < film.count) return;
         film.pictures.finish();
-        std::string out = film.out.string();
-        timeline_ = film.timelineBefore;
-        film_.reset();
-        shown_.reset();
+        const std::string out = film.out.string();
+        endFilm();
         say(fmt::format("film in {}", out));
     } catch (...) {
-        film_.reset();
+        if (film_) endFilm();
         throw;
     }
 }

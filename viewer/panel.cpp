@@ -46,28 +46,19 @@ void Viewer::drawPanel() {
     // Labels stand to the right of what they name.
     ImGui::PushItemWidth(-ImGui::CalcTextSize("field of view  ").x);
     if (ImGui::BeginTabBar("tabs")) {
-        if (tab("View")) {
-            drawViewTab();
+        const bool filming = film_ != nullptr;
+        const auto drawTab = [&](const char* label, bool enabled, void (Viewer::*draw)()) {
+            if (!tab(label)) return;
+            ImGui::BeginDisabled(!enabled);
+            (this->*draw)();
+            ImGui::EndDisabled();
             ImGui::EndTabItem();
-        }
+        };
         // A film shows what there was when it was begun.
-        const bool free = !film_;
-        if (tab("Pose")) {
-            ImGui::BeginDisabled(!free);
-            drawPoseTab();
-            ImGui::EndDisabled();
-            ImGui::EndTabItem();
-        }
-        if (tab("Shape")) {
-            ImGui::BeginDisabled(!free);
-            drawShapeTab();
-            ImGui::EndDisabled();
-            ImGui::EndTabItem();
-        }
-        if (tab("Files")) {
-            drawFilesTab();
-            ImGui::EndTabItem();
-        }
+        drawTab("View", !filming, &Viewer::drawViewTab);
+        drawTab("Pose", !filming, &Viewer::drawPoseTab);
+        drawTab("Shape", !filming, &Viewer::drawShapeTab);
+        drawTab("Files", true, &Viewer::drawFilesTab);
         ImGui::EndTabBar();
     }
     ImGui::PopItemWidth();
@@ -261,6 +252,7 @@ void Viewer::drawShapeTab() {
 }
 
 void Viewer::drawFilesTab() {
+    ImGui::BeginDisabled(film_ != nullptr);
     words(
         "Drop a capture, a poses.npz, a .bvh, a pose's .json or a picture on the window, or name "
         "it:");
@@ -302,6 +294,7 @@ void Viewer::drawFilesTab() {
         }
         if (!chosen.empty()) attempt([&] { openFile(chosen); });
     }
+    ImGui::EndDisabled();
 
     ImGui::Separator();
     words(
@@ -322,7 +315,8 @@ void Viewer::drawFilesTab() {
         if (button("give up")) cancelFilm();
     }
     if (export_) hint("writing glTF ...");
-    if (!savedFile_.empty()) hint("Ctrl+S saves in " + savedFile_.filename().string());
+    if (const SavedFile file = savedFile(); !file.path.empty())
+        hint("Ctrl+S saves in " + file.path.filename().string());
 
     ImGui::Separator();
     const bool history = ImGui::CollapsingHeader("messages");

@@ -10,10 +10,6 @@ namespace {
 
 constexpr double kFastPainter = 0.015;  // seconds; a slower one waits until the mouse rests
 
-double milliseconds(std::chrono::steady_clock::duration passed) {
-    return std::chrono::duration<double, std::milli>(passed).count();
-}
-
 uint32_t packed(const std::array<uint8_t, 3>& rgb) {
     return uint32_t{rgb[0]} | uint32_t{rgb[1]} << 8 | uint32_t{rgb[2]} << 16 | 0xff000000u;
 }
@@ -118,8 +114,18 @@ std::span<const uint32_t> Viewer::backgroundOf(const Pane& pane) {
                             static_cast<size_t>(x)] = packed({rgb[0], rgb[1], rgb[2]});
             }
     };
-    if (frames) {
-        std::shared_ptr<const Picture> own = capture()->frames->load(static_cast<size_t>(frame));
+    std::shared_ptr<const Picture> own;
+    try {
+        if (frames) own = capture()->frames->load(static_cast<size_t>(frame));
+    } catch (const std::exception& error) {
+        // The window goes on without it; a film with a hole would be no film.
+        if (film_) {
+            backgroundKey_.fill(-1);
+            throw;
+        }
+        if (message() != error.what()) say(error.what(), true);
+    }
+    if (own) {
         Image image(own->width, own->height, 3);
         image.data = own->rgb;
         double scale = std::min(static_cast<double>(pane.width) / own->width,
@@ -197,7 +203,7 @@ void Viewer::updatePictures() {
     scene_->setPose(thetaOf(now.pose), transOf(now.pose), now.betas);
     pixels_.resize(panes_.size());
     for (size_t i = 0; i < panes_.size(); ++i) scene_->prepare(panes_[i].mesh);
-    times_.pose = milliseconds(Clock::now() - before);
+    times_.pose = millisecondsSince(before);
     before = Clock::now();
     for (size_t i = 0; i < panes_.size(); ++i) {
         const Pane& pane = panes_[i];
@@ -205,7 +211,7 @@ void Viewer::updatePictures() {
         pixels_[i] = scene_->draw(pane.mesh, cameraOf(pane), view(), shadeOptions(pane),
                                   backgroundOf(pane), 1, std::move(pixels_[i]));
     }
-    times_.draw = milliseconds(Clock::now() - before);
+    times_.draw = millisecondsSince(before);
     shown_ = std::move(now);
     refinements_ = 0;
     ++pictures_;

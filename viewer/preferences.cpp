@@ -1,10 +1,10 @@
 #include "viewer/preferences.h"
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
 
 #include "engine/files/atomic_file.h"
 #include "trainer/data/output_folder.h"
+#include "viewer/pose/json_text.h"
 
 namespace doppel {
 namespace fs = std::filesystem;
@@ -24,7 +24,9 @@ Preferences readPreferences(const fs::path& state) {
     if (state.empty()) return found;
     try {
         const std::vector<uint8_t> bytes = readWholeFile(fileIn(state), kLargestFile);
-        const json document = json::parse(bytes.begin(), bytes.end());
+        const json document =
+            parsedJson({reinterpret_cast<const char*>(bytes.data()), bytes.size()},
+                       fileIn(state).string(), "preferences");
         if (document.value("theme", "") == "light") found.theme = Theme::Light;
         const double scale = document.value("scale", 1.);
         if (scale >= kSmallestScale && scale <= kLargestScale) found.scale = scale;

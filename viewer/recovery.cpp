@@ -23,6 +23,26 @@ constexpr uint64_t kLargestFile = uint64_t{256} << 20;
 
 fs::path lockOf(fs::path file) { return file.replace_extension(".lock"); }
 
+// Each session has names of its own, so nobody comes to write them again. What a viewer holds that
+// lives stays.
+void removeHalfWritten(const fs::path& folder) {
+    std::vector<fs::path> paths;
+    std::error_code error;
+    for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error))
+        paths.push_back(at->path());
+    for (const fs::path& path : paths) {
+        const std::string name = path.filename().string();
+        const size_t part = name.find(".doppel-tmp-");
+        FileLock lock;
+        std::error_code ignored;
+        if (name.starts_with(".view-") && part != std::string::npos)
+            removeLeftovers(folder / (name.substr(1, part - 1) + ".json"));
+        else if (name.starts_with("view-") && path.extension() == ".lock" &&
+                 !fs::exists(fs::path(path).replace_extension(".json"), ignored) && lock.take(path))
+            fs::remove(path, ignored);
+    }
+}
+
 }  // namespace
 
 fs::path userStateFolder() {
@@ -62,23 +82,31 @@ void FileLock::release() {
 }
 
 Recovery::Recovery(const fs::path& state) {
-    if (!state.empty()) folder_ = state / "sessions";
+    if (state.empty()) return;
+    folder_ = state / "sessions";
+    removeHalfWritten(folder_);
 }
 
 void Recovery::write(std::string_view text) {
     if (!enabled()) return;
+    std::error_code ignored;
+    if (lock_.held() && !fs::exists(lockOf(file_), ignored)) {
+        lock_.release();  // somebody has emptied the folder
+        kept_ = false;
+    }
     if (!lock_.held()) {
         createFolders(folder_);
         for (int i = 0; i < 100 && !lock_.held(); ++i) {
             const auto now = std::chrono::system_clock::now().time_since_epoch();
             file_ = folder_ / fmt::format("view-{}-{}.json", getpid(), now.count());
-            if (!fs::exists(file_)) lock_.take(lockOf(file_));
+            if (!fs::exists(file_, ignored)) lock_.take(lockOf(file_));
         }
         if (!lock_.held()) throwMachine("{}: no lock can be had there", folder_.string());
     }
     AtomicFile file(file_);
     file.write(text);
     file.commit();
+    kept_ = true;
 }
 
 void Recovery::clear() {
@@ -87,6 +115,7 @@ void Recovery::clear() {
     fs::remove(file_, ignored);
     fs::remove(lockOf(file_), ignored);
     lock_.release();
+    kept_ = false;
 }
 
 std::vector<Recovery::Orphan> Recovery::orphans() const {

@@ -37,7 +37,7 @@ private:
 class Recovery {
 public:
     // In a folder below `state`, which is made when there is something to keep; empty: keeps
-    // nothing.
+    // nothing. What killed viewers left half written there is removed.
     explicit Recovery(const std::filesystem::path& state);
     // Leaves the file where there is one: whoever ends without having saved finds it again.
     ~Recovery() = default;
@@ -47,6 +47,8 @@ public:
     void write(std::string_view text);
     // There is nothing that is not saved.
     void clear();
+    // Whether there is a text of this session.
+    bool kept() const { return kept_; }
     const std::filesystem::path& file() const { return file_; }
     bool enabled() const { return !folder_.empty(); }
 
@@ -63,6 +65,7 @@ public:
 private:
     std::filesystem::path folder_, file_;
     FileLock lock_;
+    bool kept_ = false;
 };
 
 }  // namespace doppel

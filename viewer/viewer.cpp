@@ -21,10 +21,6 @@ namespace {
 constexpr double kSettleSeconds = 0.15;  // without input, before the picture becomes finer
 constexpr size_t kMostMessages = 200;
 
-double milliseconds(std::chrono::steady_clock::duration passed) {
-    return std::chrono::duration<double, std::milli>(passed).count();
-}
-
 }  // namespace
 
 Viewer::Viewer(const ViewerOptions& options)
@@ -148,12 +144,13 @@ bool Viewer::settled() const {
 
 bool Viewer::frame() {
     if (window_.closed()) {
-        if (!editor_->modified() || givenUpVersion_ == editor_->version()) {
+        if (editor_->modified() && givenUpVersion_ != editor_->version()) {
+            window_.keepOpen();
+            askToLeave();
+        } else if (!export_) {  // it is finished first
             recovery_.clear();
             return false;
         }
-        window_.keepOpen();
-        askToLeave();
     }
     if (messagesDrawn_ != visibleMessages()) framesToDraw_ = std::max(framesToDraw_, 1);
     bool rests = settled();
@@ -163,7 +160,6 @@ bool Viewer::frame() {
     if (framesToDraw_ > 0 || playing_ || working()) wait = 0;
     if (!drawable_) wait = working() ? 0.01 : 0.25;
     drawable_ = window_.begin(wait);
-    if (window_.closed()) return false;
     reloadIfChanged();
     advanceTimeline();
     if (working()) attempt([&] { advanceJobs(); });
@@ -174,8 +170,8 @@ bool Viewer::frame() {
 
     forgetItems();
     window_.beginFrame();
+    for (const fs::path& path : window_.dropped()) attempt([&] { openFile(path); });
     attempt([&] {
-        for (const fs::path& path : window_.dropped()) openFile(path);
         handleKeys();
         layOut();
         handleMouse();
@@ -196,8 +192,8 @@ bool Viewer::frame() {
     }
     auto drawn = Clock::now();
     window_.end(placed);
-    times_.show = milliseconds(Clock::now() - drawn);
-    double passed = milliseconds(Clock::now() - lastFrame_);
+    times_.show = millisecondsSince(drawn);
+    double passed = millisecondsSince(lastFrame_);
     if (wait == 0 && passed > 0) times_.fps += 0.2 * (1000 / passed - times_.fps);
     lastFrame_ = Clock::now();
     if (framesToDraw_ > 0) --framesToDraw_;
@@ -211,18 +207,21 @@ void Viewer::run(const std::function<void()>& each) {
         } while (frame());
     } catch (const MachineError& error) {
         keepSession(true);
-        fs::path kept = freeName("doppel-pose", ".json");
+        fs::path kept;
         try {
+            kept = freeName("doppel-pose", ".json");
             AtomicFile file(kept);
             file.write(editor_->copy());
             file.commit();
         } catch (const std::exception&) {
             throw error;
         }
-        throwMachine(
-            "{}; the pose is kept in {}, which `doppel view --pose` takes{}", error.what(),
-            kept.string(),
-            fs::exists(recovery_.file()) ? ", and the next start offers all that was edited" : "");
+        throwMachine("{}; the pose is kept in {}, which `doppel view --pose` takes{}", error.what(),
+                     kept.string(),
+                     recovery_.kept() ? ", and the next start offers all that was edited" : "");
+    } catch (...) {
+        keepSession(true);
+        throw;
     }
 }
 
@@ -231,9 +230,7 @@ void Viewer::run(const std::function<void()>& each) {
 void Viewer::attempt(const std::function<void()>& action) {
     try {
         action();
-    } catch (const InputError& error) {
-        say(error.what(), true);
-    } catch (const MachineError& error) {
+    } catch (const std::exception& error) {
         say(error.what(), true);
     }
 }

@@ -83,11 +83,12 @@ public:
     ~Viewer();
 
     // One turn: events in, picture out; waits for events where there is nothing to do. False once
-    // the window is closed. Mistakes of the user, and files that cannot be written, are said in the
+    // the window is closed, nothing that is edited would be lost, and no glTF file is being
+    // written. Mistakes of the user, and files that cannot be written, are said in the
     // window; a device that fails is a MachineError.
     bool frame();
-    // Until the window is closed. Where the machine fails what was edited is kept, and the message
-    // says where. each: called before every turn.
+    // Until the window is closed. Where something ends it otherwise what was edited is kept for the
+    // next start; where the machine fails, the message says so. each: called before every turn.
     void run(const std::function<void()>& each = {});
 
     const Window& window() const { return window_; }
@@ -132,10 +133,10 @@ public:
 
     // What the panel's buttons do; InputError where it cannot be done.
     //
-    // What is seen, as a poses.npz. The file is the session's from then on: Ctrl+S writes it again.
+    // What is seen, as a poses.npz. Ctrl+S writes this file again as long as the same is open.
     void savePoses(const std::filesystem::path& path);
-    // The session's file, or one with a name that is free; asks before it overwrites what somebody
-    // else has written there since.
+    // The file that what is open was saved in, or one with a name that is free; asks before it
+    // overwrites what somebody else has written there since.
     void save();
     // A motion, or a take that the viewer saved. Undo brings back what there was.
     void loadMotion(const std::filesystem::path& path, const std::string& frames = {});
@@ -180,6 +181,11 @@ private:
         std::filesystem::path path;
         std::string frames;
     };
+    // Where something was saved, and when the file was written; empty: nowhere yet.
+    struct SavedFile {
+        std::filesystem::path path;
+        std::filesystem::file_time_type time{};
+    };
     struct Message {
         std::string text;
         bool wrong = false;
@@ -209,6 +215,9 @@ private:
     TextureKind bestTexture() const;
     bool paintsViews(TextureKind kind) const;
     double fps() const;
+    static double millisecondsSince(Clock::time_point began) {
+        return std::chrono::duration<double, std::milli>(Clock::now() - began).count();
+    }
     bool hasKeys() const;
     double lastKey() const;
     const Motion* motion() const { return editor_->motion().get(); }
@@ -228,10 +237,13 @@ private:
     // Does it, once what is not saved is saved or given up.
     void afterSaving(const std::string& what, std::function<void()> then);
     void saveAs(const std::filesystem::path& path);
-    void keepSession(bool now);
+    SavedFile savedFile() const;
+    // Whether what is not saved is kept, or there is nothing.
+    bool keepSession(bool now);
     std::string sessionNow() const;
     void offerRecovery();
-    void recover(const std::string& text, const std::string& name);
+    // Whether all of it is here again, and kept.
+    bool recover(const std::string& text, const std::string& name);
     std::filesystem::path freeName(const std::string& stem, const std::string& extension) const;
 
     void opened(const std::filesystem::path& file);
@@ -240,6 +252,7 @@ private:
     // jobs.cpp
     void advanceJobs();
     void advanceFilm();
+    void endFilm();
     Motion shownMotion() const;
 
     // pictures.cpp
@@ -360,11 +373,11 @@ private:
     size_t messagesDrawn_ = 0;
 
     // What is not saved.
-    std::filesystem::path savedFile_;
-    std::filesystem::file_time_type savedTime_{};
+    std::map<uint64_t, SavedFile> savedFiles_;  // by PoseEditor::opening(): undo may come back
     std::optional<Question> question_;
     bool questionOpen_ = false;
-    uint64_t givenUpVersion_ = 0;  // of what is edited, that may be lost with the window
+    Clock::time_point questionSince_{};  // it is open
+    uint64_t givenUpVersion_ = 0;        // of what is edited, that may be lost with the window
     Recovery recovery_;
     uint64_t keptVersion_ = 0;  // of what is edited, as the session's file has it
     Clock::time_point keptAt_{};

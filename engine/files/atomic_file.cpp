@@ -71,6 +71,18 @@ void removeLeftovers(const fs::path& target) noexcept {
     }
 }
 
+bool isBeingWritten(const fs::path& target) noexcept {
+    bool lives = false;
+    for (int number = 0; number < kAtOnce && !lives; ++number) {
+        const int descriptor = ::open(temporaryName(target, number).c_str(),
+                                      O_RDONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK);
+        if (descriptor < 0) continue;
+        lives = ::flock(descriptor, LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+        ::close(descriptor);
+    }
+    return lives;
+}
+
 void removeTemporaryFiles() noexcept {
     for (Slot& slot : gSlots) {
         if (slot.ready) ::unlink(slot.name);

@@ -57,6 +57,9 @@ private:
 // does when it begins; never those of one that lives.
 void removeLeftovers(const std::filesystem::path& target) noexcept;
 
+// Whether somebody who lives, this process too, is writing it and has not committed yet.
+bool isBeingWritten(const std::filesystem::path& target) noexcept;
+
 // Deletes the temporary files of this process that are not committed yet: for a signal handler that
 // ends the process, where no destructor runs (async-signal-safe).
 void removeTemporaryFiles() noexcept;

@@ -166,9 +166,8 @@ std::string temporaryStart(const fs::path& target) {
     return fmt::format(".{}.doppel-", target.filename().string());
 }
 
-// Deletes what killed runs have left beside a place; InputError where a run that lives is writing
-// to it.
-void removeLeftFolders(const fs::path& target) {
+// Folders beside a place that were made to become it.
+std::vector<fs::path> temporaryFolders(const fs::path& target) {
     const std::string start = temporaryStart(target);
     constexpr size_t kRandom = 6;  // letters that mkdtemp fills in
     std::vector<fs::path> found;
@@ -178,7 +177,14 @@ void removeLeftFolders(const fs::path& target) {
         if (name.starts_with(start) && name.size() == start.size() + kRandom)
             found.push_back(entry.path());
     }
-    for (const fs::path& path : found) {
+    return found;
+}
+
+// Deletes what killed runs have left beside a place; InputError where a run that lives is writing
+// to it.
+void removeLeftFolders(const fs::path& target) {
+    std::error_code ignored;
+    for (const fs::path& path : temporaryFolders(target)) {
         int descriptor = -1;
         const Lock lock = lockFolder(path, descriptor);
         if (lock == Lock::anothers) {
@@ -375,6 +381,16 @@ void OutputFolder::commit() {
     pending_ = false;
     discard();
     if (replaces) fs::remove_all(old, ignored);
+}
+
+bool isFolderBeingWritten(const fs::path& target) {
+    for (const fs::path& path : temporaryFolders(resolved(target))) {
+        int descriptor = -1;
+        const Lock lock = lockFolder(path, descriptor);
+        if (descriptor >= 0) ::close(descriptor);
+        if (lock == Lock::anothers) return true;
+    }
+    return false;
 }
 
 void removeOutputFolder(const fs::path& target, std::string_view kind) {

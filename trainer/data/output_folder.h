@@ -89,6 +89,9 @@ private:
     bool pending_ = false;
 };
 
+// Whether a run that lives, this one too, is writing such a folder and has not committed it yet.
+bool isFolderBeingWritten(const std::filesystem::path& target);
+
 // Deletes such a folder, and what killed runs have left beside it; nothing where it is not ours.
 void removeOutputFolder(const std::filesystem::path& target, std::string_view kind);
 

@@ -162,7 +162,8 @@ bool PoseEditor::modified() const {
     beginning.betas = openedBetas_;
     beginning.motion = now.motion;
     beginning.fade = now.fade;
-    return !sameAs(saved_) && !sameAs(beginning);
+    const bool keysSaved = saved_.opening == now.opening && !saved_.keyframes->empty();
+    return !sameAs(saved_) && (keysSaved || !sameAs(beginning));
 }
 
 void PoseEditor::setOpenedBetas(const Betas& betas) {
@@ -202,6 +203,7 @@ void PoseEditor::openMotion(std::shared_ptr<const Motion> motion, std::string_vi
     endGesture();
     State next = now_;
     next.motion = std::move(motion);
+    next.opening = ++openings_;
     next.keyframes = std::make_shared<const std::vector<Keyframe>>();
     if (next.motion) next.pose = motionPose(*next.motion, time_);
     change(what, std::move(next));
@@ -216,6 +218,7 @@ void PoseEditor::openTake(const Take& take, double time, std::string_view what) 
     next.pose = take.pose;
     next.betas = take.betas;
     next.motion = take.motion;
+    next.opening = ++openings_;
     next.fade = take.fade;
     next.keyframes = std::make_shared<const std::vector<Keyframe>>(take.keys);
     if (next.timed())

@@ -56,11 +56,15 @@ public:
     void openTake(const Take& take, double time, std::string_view what);
 
     // ---- what is not saved yet ----
-    // Whether something was edited that is not as markSaved() or the beginning saw it.
+    // Whether something was edited that is not as markSaved() or the beginning saw it. Once keys of
+    // what is open were saved, the beginning is an edit as well: the file has them still.
     bool modified() const;
     void markSaved() { saved_ = now_; }
     // Counts changes, undo and redo among them.
     uint64_t version() const { return version_; }
+    // Which of the motions and takes that were opened this is, counted from 1; 0: the beginning.
+    // Undo goes back to an earlier one's number.
+    uint64_t opening() const { return now_.opening; }
     // The person's own shape is another one now. Where the shape was the old one it becomes this,
     // without a step, in all steps.
     void setOpenedBetas(const Betas& betas);
@@ -115,6 +119,7 @@ private:
         Keyframes keyframes = std::make_shared<const std::vector<Keyframe>>();
         std::shared_ptr<const Motion> motion;
         double fade = Take{}.fade;
+        uint64_t opening = 0;
 
         bool timed() const { return motion || !keyframes->empty(); }
         bool sameOverTime(const State& other) const {
@@ -122,7 +127,8 @@ private:
                    (keyframes == other.keyframes || *keyframes == *other.keyframes);
         }
         bool operator==(const State& other) const {
-            return pose == other.pose && betas == other.betas && sameOverTime(other);
+            return pose == other.pose && betas == other.betas && sameOverTime(other) &&
+                   opening == other.opening;
         }
     };
     struct Step {
@@ -141,7 +147,7 @@ private:
     Betas openedBetas_;
     State now_, began_, saved_;
     double time_ = 0;
-    uint64_t version_ = 1;
+    uint64_t version_ = 1, openings_ = 0;
     bool inGesture_ = false;
     std::string gesture_;
     std::deque<Step> past_, future_;  // the latest at the back

@@ -2,10 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <vector>
 
-#include "engine/error.h"
+#include "viewer/pose/json_text.h"
 
 namespace doppel {
 
@@ -64,17 +63,6 @@ Betas betasOf(const json& value, const std::string& field) {
     return betas;
 }
 
-json parsed(std::string_view text, const std::string& name, const char* what) {
-    try {
-        return json::parse(text);
-    } catch (const json::parse_error& problem) {
-        throwInput("{}: expected {} as JSON, found an error at byte {}", name, what, problem.byte);
-    } catch (const json::out_of_range&) {
-        // A number beyond the range of double.
-        throwInput("{}: expected finite numbers, found one that is too large", name);
-    }
-}
-
 // A pose as 72 numbers and its place.
 json compact(const Pose& pose) {
     json rotations = json::array();
@@ -113,7 +101,7 @@ void readPoseText(std::string_view text, Pose& pose, Betas& betas) {
     if (text.size() > kLongestText)
         throwInput("clipboard: expected a pose of at most {} bytes, found {}", kLongestText,
                    text.size());
-    const json document = parsed(text, "clipboard", "a pose");
+    const json document = parsedJson(text, "clipboard", "a pose");
     if (!document.is_object() || !document.contains("doppel_pose"))
         throwInput("clipboard: expected a pose, {{\"doppel_pose\": 1, …}}, found {}",
                    document.is_object() ? "an object without doppel_pose" : asShown(document));
@@ -171,7 +159,7 @@ std::string sessionText(const Session& session) {
 }
 
 Session readSessionText(std::string_view text, const std::string& name) {
-    const json document = parsed(text, name, "a session");
+    const json document = parsedJson(text, name, "a session");
     if (!document.is_object() || !document.contains("doppel_session") ||
         document["doppel_session"] != 1)
         throwInput("{}: expected a session, {{\"doppel_session\": 1, …}}, found {}", name,

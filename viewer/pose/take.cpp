@@ -1,5 +1,7 @@
 #include "viewer/pose/take.h"
 
+#include <strings.h>
+
 #include <algorithm>
 #include <cmath>
 #include <string>
@@ -177,7 +179,8 @@ void writeTake(const fs::path& out, const Take& take, double fps) {
 
 std::optional<Take> readTake(const fs::path& file) {
     std::error_code error;
-    if (fs::is_directory(file, error) || file.extension() != ".npz") return std::nullopt;
+    if (fs::is_directory(file, error) || strcasecmp(file.extension().c_str(), ".npz") != 0)
+        return std::nullopt;
     const Npz arrays = readNpz(file);
     if (!arrays.has("key_times")) return std::nullopt;
     Motion rows = readMotion(file);

@@ -88,6 +88,8 @@ void applyLook(const Look& look) {
         style.Colors[ImGuiCol_Button] = ImVec4(.26f, .52f, .92f, .28f);
     } else {
         style.Colors[ImGuiCol_WindowBg] = ImVec4(.10f, .105f, .115f, 1);
+        // Dear ImGui's own lightens what is behind a question.
+        style.Colors[ImGuiCol_ModalWindowDimBg] = ImVec4(.02f, .02f, .03f, .55f);
     }
     style.ScaleAllSizes(static_cast<float>(look.unit));
     ImGui::GetStyle() = style;

@@ -104,7 +104,7 @@ void Window::Parts::listen() {
     };
     glfwSetKeyCallback(window, [](GLFWwindow* w, int key, int, int action, int modifiers) {
         of(w).touched = true;
-        if (action != GLFW_RELEASE) of(w).keys.push_back({key, modifiers});
+        if (action != GLFW_RELEASE) of(w).keys.push_back({key, modifiers, action == GLFW_REPEAT});
     });
     glfwSetDropCallback(window, [](GLFWwindow* w, int count, const char** paths) {
         of(w).touched = true;

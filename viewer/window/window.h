@@ -24,9 +24,10 @@ struct PlacedPicture {
     std::span<const uint32_t> pixels;
 };
 
-// A key that went down, or repeats: GLFW's number and modifier bits.
+// A key that went down: GLFW's number and modifier bits.
 struct KeyPress {
     int key = 0, modifiers = 0;
+    bool repeated = false;  // it is held, and went down earlier
 };
 
 struct WindowOptions {
