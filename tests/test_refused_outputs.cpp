@@ -35,7 +35,9 @@ TEST_F(Refusals, OutputsOverInputs) {
     fs::create_directory_symlink(*this / "capture", *this / "alias");
     refuses(fit(at("alias")), "found the input itself", 2);
     fs::create_symlink(*this / "capture/poses.npz", *this / "out.glb");
-    refuses(exporting(at("out.glb")), "expected a file apart from the input", 2);
+    refuses(exporting(at("out.glb")), "expected a place apart from the input", 2);
+    for (const char* out : {"capture/poses.npz", "avatar/body.npz", "avatar/me.glb"})
+        refuses(exporting(at(out)), "a place inside the input", 2);
     fs::create_symlink(*this / "avatar/texture.png", *this / "out.mp4");
     refuses(render(at("out.mp4")), "expected a file apart from the input", 2);
 }
