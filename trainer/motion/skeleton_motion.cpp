@@ -487,6 +487,12 @@ Motion motionFromSkeleton(const SkeletonMotion& source) {
     motion.trans.resize(source.frames);
     for (size_t f = 0; f < source.frames; ++f)
         retarget.pose(static_cast<int64_t>(f), motion.theta[f], motion.trans[f]);
+    // Bones without length have no direction, and huge ones lie beyond what a body can be moved.
+    const auto all = [](const auto& rows) {
+        return std::span(rows.data()->data(), rows.size() * rows.data()->size());
+    };
+    requireFinite(all(motion.theta), source.file + ": rotations", kThetaSize, kMostRadians);
+    requireFinite(all(motion.trans), source.file + ": translations", 3, kMostMetres);
     return motion;
 }
 
