@@ -1,5 +1,5 @@
 // A person whose poses are known, before a clip's camera, and masks of it: what the tests of other
-// estimators' poses have in common.
+// estimators' poses have in common. Programs' files are written as we know their layouts.
 #pragma once
 
 #include <gtest/gtest.h>

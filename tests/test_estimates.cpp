@@ -1,5 +1,9 @@
-// Other estimators' poses: files in each program's own layout, written by the test from a person
-// whose poses are known, come out as those poses before the right camera.
+// Other estimators' poses: files in each program's layout, written by the test from a person whose
+// poses are known, come out as those poses before the right camera.
+//
+// No file here was written by the programs themselves. The layouts are what we know from the
+// programs' sources and descriptions, so what we have got wrong there the readers and these tests
+// have got wrong alike.
 #include "trainer/motion/estimates/estimate.h"
 
 #include <gtest/gtest.h>

@@ -14,6 +14,7 @@
 #include <map>
 
 #include "engine/error.h"
+#include "engine/files/npz.h"
 #include "tests/files.h"
 #include "tests/op_test.h"
 #include "trainer/avatar/checkpoint.h"
@@ -24,6 +25,8 @@
 namespace doppel {
 namespace {
 
+namespace fs = std::filesystem;
+using test::bytesOf;
 using test::Folder;
 using test::messageOf;
 
@@ -427,6 +430,32 @@ TEST(Export, Refusals) {
     options.out = folder / "a.glb";
     runExport(options);
     EXPECT_GT(Reader(folder / "a.glb").skinned().size(), 0u);
+}
+
+// Neither the avatar nor the motion is written over, nor anything put between their files.
+TEST(Export, LiesApartFromItsInputs) {
+    Folder folder;
+    writeAvatar(folder / "av", plainAvatar());
+    fs::create_directories(folder / "cap");
+    const Motion motion = bends();
+    writeNpz(folder / "cap/poses.npz", posesArrays(motion.theta, motion.trans, {}), true);
+    folder.link("av/body.npz", "link.npz");
+    folder.link("av/body.npz", "beside.png");
+    const std::string body = bytesOf(folder / "av/body.npz"),
+                      poses = bytesOf(folder / "cap/poses.npz");
+    for (const char* out :
+         {"av/body.npz", "av/new.json", "cap/poses.npz", "cap/me.obj", "link.npz", "beside.usda"}) {
+        ExportOptions options;
+        options.avatar = folder / "av";
+        options.motion = folder / "cap";
+        options.frames = "0:1";
+        options.out = folder / out;
+        const std::string found = messageOf<InputError>([&] { runExport(options); });
+        EXPECT_NE(found.find("expected a place apart from the input"), std::string::npos) << found;
+    }
+    EXPECT_EQ(bytesOf(folder / "av/body.npz"), body);
+    EXPECT_EQ(bytesOf(folder / "cap/poses.npz"), poses);
+    EXPECT_EQ(folder.names(), (std::vector<std::string>{"av", "beside.png", "cap", "link.npz"}));
 }
 
 }  // namespace

@@ -442,10 +442,12 @@ TEST(Formats, Obj) {
     // Its own files are replaced; somebody else's are not.
     exportAvatar(testDevice(), avatar, folder / "a.obj", nullptr);
     folder.write("b.png", std::string("holiday"));
-    EXPECT_NE(messageOf<InputError>([&] {
-                  exportAvatar(testDevice(), avatar, folder / "b.usda", nullptr);
-              }).find("b.png: expected nothing there, since it is written beside b.usda"),
-              std::string::npos);
+    EXPECT_NE(
+        messageOf<InputError>(
+            [&] { exportAvatar(testDevice(), avatar, folder / "b.usda", nullptr); })
+            .find("b.png: expected nothing there, or what an export wrote, since it is written "
+                  "beside b.usda"),
+        std::string::npos);
     EXPECT_EQ(bytesOf(folder / "b.png"), "holiday");
     EXPECT_FALSE(fs::exists(folder / "b.usda"));
 }
@@ -461,7 +463,14 @@ TEST(Formats, Refusals) {
     };
     expect("a.fbx", {}, "a.fbx: expected a name that ends in .glb, .vrm, .usda, .obj, .bvh");
     expect("a.bvh", {}, "a.bvh: expected a motion (--motion), found none");
-    expect("a.usda", {.shapes = true}, "a.usda: expected .glb or .vrm for --shapes");
+    expect("a.usda", {.shapes = true}, "a.usda: expected .glb or .vrm for --shapes, found another");
+    expect("a.bvh", {.shapes = true}, "a.bvh: expected .glb or .vrm for --shapes");
+    expect("a.glb", {.author = "Ada"}, "a.glb: expected .vrm for --author");
+    expect("a.usda", {.licence = "https://a.org"}, "a.usda: expected .vrm for --licence");
+    for (const char* name : {"a.obj", "a.npz"})
+        expect(name, {.names = JointNames::Unreal},
+               std::string(name) +
+                   ": expected .glb, .vrm, .usda, .bvh or .json for --names, found another");
     EXPECT_TRUE(folder.names().empty());
 }
 

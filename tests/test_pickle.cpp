@@ -46,6 +46,21 @@ void readAll(const PickleValue& value, int depth = 0) {
     }
 }
 
+// A later pair takes the place of an earlier one of the same key.
+TEST(Pickle, pairsInTheFilesOrder) {
+    const PickleValue dict = parse("}(X\1\0\0\0bK\1X\1\0\0\0aK\2K\7K\3X\1\0\0\0bK\4u."s);
+    std::string pairs;
+    dict.eachPair([&](const std::string& key, const PickleValue& value) {
+        EXPECT_EQ(value.where(), "p.pkl: " + key);
+        EXPECT_EQ(value.asInteger(), dict.at(key).asInteger());
+        pairs += key + std::to_string(value.asInteger()) + " ";
+    });
+    EXPECT_EQ(pairs, "b4 a2 73 ");
+    EXPECT_EQ(dict.keys(), (std::vector<std::string>{"b", "a", "7"}));
+    EXPECT_THROW(parse("K\1."s).eachPair([](const std::string&, const PickleValue&) {}),
+                 InputError);
+}
+
 class PickleProtocol : public testing::TestWithParam<int> {};
 
 TEST_P(PickleProtocol, readsWhatPythonWrites) {

@@ -7,7 +7,6 @@
 #include <tiny_gltf.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <cstring>
 #include <map>
@@ -17,6 +16,7 @@
 
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
+#include "engine/files/ending.h"
 
 namespace doppel {
 namespace {
@@ -390,10 +390,8 @@ std::vector<uint32_t> fillMesh(GltfScene& scene, std::span<const float> verts,
 }
 
 void writeGlb(const std::filesystem::path& path, const GltfScene& scene) {
-    std::string extension = path.extension().string();
-    for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
     const char* expected = scene.vrm ? ".vrm" : ".glb";
-    if (extension != expected) {
+    if (endingOf(path) != expected) {
         throwInput("{}: expected a name that ends with {}", path.string(), expected);
     }
     check(path, scene);

@@ -7,14 +7,17 @@
 #include <tiny_gltf.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <cstring>
 #include <exception>
 #include <limits>
+#include <set>
+#include <string_view>
+#include <utility>
 
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
+#include "engine/files/json_depth.h"
 #include "engine/files/printable.h"
 
 namespace doppel {
@@ -25,17 +28,24 @@ namespace {
 constexpr uint64_t kMostBytes = uint64_t{1} << 30;
 constexpr size_t kMostNodes = 65536, kMostNumbers = size_t{1} << 27;
 
-bool liesBelow(const std::string& file) {
-    const fs::path path(file);
-    return std::none_of(path.begin(), path.end(), [](const fs::path& p) { return p == ".."; });
+// Where links and ".." lead.
+bool liesBelow(const fs::path& file, const fs::path& folder) {
+    std::error_code error;
+    const fs::path place = fs::weakly_canonical(file, error);
+    if (error) return false;
+    const fs::path above = fs::weakly_canonical(folder, error);
+    return !error && std::ranges::mismatch(place, above).in2 == above.end();
 }
 
-// Files beside a .gltf: nothing above its folder is read.
-tinygltf::FsCallbacks filesBeside() {
+// Files beside a .gltf or below: nothing else is read, wherever the library looks, which tries the
+// working directory too.
+tinygltf::FsCallbacks filesBelow(const fs::path& folder) {
     tinygltf::FsCallbacks files{};
-    files.FileExists = [](const std::string& file, void*) {
+    files.user_data = const_cast<fs::path*>(&folder);
+    files.FileExists = [](const std::string& file, void* below) {
         std::error_code error;
-        return liesBelow(file) && fs::is_regular_file(file, error);
+        return liesBelow(file, *static_cast<const fs::path*>(below)) &&
+               fs::is_regular_file(file, error);
     };
     files.ExpandFilePath = [](const std::string& file, void*) { return file; };
     files.ReadWholeFile = [](std::vector<unsigned char>* out, std::string* error,
@@ -58,22 +68,29 @@ public:
     explicit Reader(const fs::path& path) : file_(path.string()) {
         const std::vector<uint8_t> bytes = readWholeFile(path, kMostBytes);
         tinygltf::TinyGLTF gltf;
-        gltf.SetFsCallbacks(filesBeside());
+        const fs::path folder = fs::absolute(path).parent_path();
+        gltf.SetFsCallbacks(filesBelow(folder));
         // Pictures are not looked at.
         gltf.SetImageLoader([](tinygltf::Image*, const int, std::string*, std::string*, int, int,
                                const unsigned char*, int, void*) { return true; },
                             nullptr);
         std::string error, warning;
         bool good = false;
-        const std::string folder = fs::absolute(path).parent_path().lexically_normal().string();
+        const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+        const bool binary = text.starts_with("glTF");
+        // Of a .glb behind the headers of the file and of its first chunk, which says its length.
+        uint32_t json = 0;
+        if (binary && bytes.size() >= 20) std::memcpy(&json, &bytes[12], 4);
+        requireShallowJson(!binary             ? text
+                           : bytes.size() < 20 ? std::string_view()
+                                               : text.substr(20, json),
+                           file_);
         try {
-            const bool binary = bytes.size() >= 4 && std::memcmp(bytes.data(), "glTF", 4) == 0;
             const auto length = static_cast<unsigned int>(bytes.size());
             good = binary ? gltf.LoadBinaryFromMemory(&model_, &error, &warning, bytes.data(),
-                                                      length, folder)
-                          : gltf.LoadASCIIFromString(&model_, &error, &warning,
-                                                     reinterpret_cast<const char*>(bytes.data()),
-                                                     length, folder);
+                                                      length, folder.string())
+                          : gltf.LoadASCIIFromString(&model_, &error, &warning, text.data(), length,
+                                                     folder.string());
         } catch (const std::exception& failure) {
             error = failure.what();
         }
@@ -87,6 +104,7 @@ public:
     GltfNodes read() {
         GltfNodes result;
         readNodes(result);
+        requireWithinBudget();
         for (const tinygltf::Animation& animation : model_.animations) readClip(animation, result);
         readHumanoid(result);
         readSkin(result);
@@ -153,6 +171,27 @@ private:
             }
             result.nodes.push_back(std::move(added));
         }
+    }
+
+    // Channels may share their numbers in the file, and each has its own in memory.
+    void requireWithinBudget() const {
+        uint64_t count = 0;
+        const auto add = [&](int index, uint64_t width) {
+            if (index < 0 || static_cast<size_t>(index) >= model_.accessors.size()) return;
+            const uint64_t more = model_.accessors[static_cast<size_t>(index)].count;
+            count += std::min<uint64_t>(more, kMostNumbers) * width;
+            if (count > kMostNumbers)
+                fail("animations: expected at most {} numbers, found more", kMostNumbers);
+        };
+        for (const tinygltf::Animation& animation : model_.animations)
+            for (const tinygltf::AnimationChannel& channel : animation.channels) {
+                if (channel.sampler < 0 ||
+                    static_cast<size_t>(channel.sampler) >= animation.samplers.size())
+                    continue;
+                const auto& sampler = animation.samplers[static_cast<size_t>(channel.sampler)];
+                add(sampler.input, 1);
+                add(sampler.output, 4);
+            }
     }
 
     // A matrix of translation, rotation and scale, by columns.
@@ -257,6 +296,7 @@ private:
 
     void readClip(const tinygltf::Animation& animation, GltfNodes& result) const {
         GltfNodes::Clip clip{animation.name, {}};
+        std::set<std::pair<size_t, GltfChannel::Path>> moved;
         for (const tinygltf::AnimationChannel& channel : animation.channels) {
             using Path = GltfChannel::Path;
             // Weights of morph targets, and extensions' own.
@@ -272,6 +312,9 @@ private:
             GltfChannel added;
             added.node = static_cast<size_t>(place_[static_cast<size_t>(channel.target_node)]);
             added.path = rotates ? Path::Rotation : moves ? Path::Translation : Path::Scale;
+            if (!moved.emplace(added.node, added.path).second)
+                fail("animations: expected one channel for the {} of node {}, found two",
+                     channel.target_path, channel.target_node);
             added.between = sampler.interpolation == "STEP"          ? GltfChannel::Between::Step
                             : sampler.interpolation == "CUBICSPLINE" ? GltfChannel::Between::Cubic
                                                                      : GltfChannel::Between::Linear;

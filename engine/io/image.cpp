@@ -14,6 +14,7 @@
 
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
+#include "engine/files/ending.h"
 
 namespace doppel {
 namespace fs = std::filesystem;
@@ -261,7 +262,8 @@ Image thresholdMask(const std::vector<T>& data, int width, int height, size_t ch
     return mask;
 }
 
-std::vector<uint8_t> encode(const Image& image, const char* plugin, const std::string& name) {
+std::vector<uint8_t> encode(const Image& image, const char* plugin, const std::string& name,
+                            const std::string& software = "") {
     CHECK(image.width > 0 && image.height > 0 && image.width <= kMaxImageSide &&
               image.height <= kMaxImageSide && image.channels >= 1 && image.channels <= 4 &&
               image.data.size() == image.rowBytes() * static_cast<size_t>(image.height),
@@ -280,6 +282,7 @@ std::vector<uint8_t> encode(const Image& image, const char* plugin, const std::s
     }
     if (std::strcmp(plugin, "jpeg") == 0) spec.attribute("Compression", "jpeg:95");
     if (std::strcmp(plugin, "png") == 0) spec.attribute("png:compressionLevel", kPngLevel);
+    if (!software.empty()) spec.attribute("Software", software);
     OIIO::Filesystem::IOVecOutput proxy;
     if (!output->set_ioproxy(&proxy) || !output->open(name, spec) ||
         !output->write_image(TypeDesc::UINT8, image.data.data()) || !output->close()) {
@@ -406,14 +409,25 @@ ImageSize imageSize(const fs::path& path) {
     return {opened.spec.width, opened.spec.height};
 }
 
-std::vector<uint8_t> encodePng(const Image& image) { return encode(image, "png", "picture.png"); }
+std::string imageSoftware(const fs::path& path) {
+    const std::string name = path.string();
+    try {
+        const Format& format = formatOf(readFileHead(path, 16), name);
+        OIIO::Filesystem::IOFile proxy(name, OIIO::Filesystem::IOProxy::Read);
+        return std::string(open(format, name, proxy).spec.get_string_attribute("Software"));
+    } catch (const InputError&) {
+        return {};
+    }
+}
+
+std::vector<uint8_t> encodePng(const Image& image, const std::string& software) {
+    return encode(image, "png", "picture.png", software);
+}
 
 void writeImage(const fs::path& path, const Image& image) {
-    std::string extension = path.extension().string();
-    std::transform(extension.begin(), extension.end(), extension.begin(),
-                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-    const bool jpeg = extension == ".jpg" || extension == ".jpeg";
-    if (!jpeg && extension != ".png") {
+    const std::string ending = endingOf(path);
+    const bool jpeg = ending == ".jpg" || ending == ".jpeg";
+    if (!jpeg && ending != ".png") {
         throwInput("{}: expected a name that ends with .png or .jpg", path.string());
     }
     if (!jpeg) {

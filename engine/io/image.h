@@ -60,7 +60,10 @@ ImageSize imageSize(const std::filesystem::path& path);
 // The file appears whole or not at all (engine/files/atomic_file.h). The same picture gives the
 // same bytes.
 void writeImage(const std::filesystem::path& path, const Image& image);
-std::vector<uint8_t> encodePng(const Image& image);
+// software: what a PNG says of the program that wrote it, its text "Software"; empty: nothing.
+std::vector<uint8_t> encodePng(const Image& image, const std::string& software = "");
+// That text of any picture. Empty where it says nothing, or the file is no picture.
+std::string imageSoftware(const std::filesystem::path& path);
 
 // Area average where an axis shrinks, bilinear where it grows, on the encoded values.
 Image resize(const Image& image, int width, int height);

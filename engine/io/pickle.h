@@ -10,6 +10,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -62,6 +63,9 @@ public:
     std::optional<PickleValue> find(std::string_view key) const;
     bool has(std::string_view key) const { return find(key).has_value(); }
     std::vector<std::string> keys() const;  // in the file's order
+    // All pairs in that order; at() for each key would look through all of them again.
+    void eachPair(
+        const std::function<void(const std::string& key, const PickleValue& value)>& call) const;
 
     // Lists, tuples, sets.
     size_t size() const;  // of a dict: how many pairs

@@ -1,7 +1,8 @@
 #include "engine/io/pickle.h"
 
 #include <algorithm>
-#include <unordered_set>
+#include <unordered_map>
+#include <utility>
 
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
@@ -318,15 +319,28 @@ PickleValue PickleValue::at(std::string_view key) const {
 }
 
 std::vector<std::string> PickleValue::keys() const {
+    std::vector<std::string> keys;
+    eachPair([&](const std::string& key, const PickleValue&) { keys.push_back(key); });
+    return keys;
+}
+
+void PickleValue::eachPair(
+    const std::function<void(const std::string& key, const PickleValue& value)>& call) const {
     const Node& node = graph_->nodes[node_];
     if (node.kind != Kind::dict) unexpected(where_, "a dict", node);
-    std::vector<std::string> keys;
-    std::unordered_set<std::string> seen;
+    // A later pair replaces the value of an earlier one, in its place.
+    std::vector<std::pair<std::string, uint32_t>> pairs;
+    std::unordered_map<std::string, size_t> places;
     for (size_t i = 0; i + 1 < node.items.size(); i += 2) {
         std::string key = keyText(graph_->nodes[node.items[i]]);
-        if (seen.insert(key).second) keys.push_back(std::move(key));
+        const auto [place, fresh] = places.emplace(key, pairs.size());
+        if (fresh)
+            pairs.emplace_back(std::move(key), node.items[i + 1]);
+        else
+            pairs[place->second].second = node.items[i + 1];
     }
-    return keys;
+    for (const auto& [key, value] : pairs)
+        call(key, PickleValue(graph_, value, fmt::format("{}: {}", where_, printable(key))));
 }
 
 size_t PickleValue::size() const {

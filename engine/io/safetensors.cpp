@@ -12,6 +12,7 @@
 
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
+#include "engine/files/json_depth.h"
 #include "engine/files/numbers.h"
 #include "engine/files/printable.h"
 
@@ -27,25 +28,23 @@ std::string shapeText(std::span<const int64_t> shape) {
     return fmt::format("[{}]", fmt::join(shape, ", "));
 }
 
-// Objects nested deeper than the format has them, and names given twice, are refused while parsing:
-// nlohmann's parser would recurse into the first and forget the second.
+// Names given twice are refused while parsing: nlohmann's parser would forget the first.
 Json parseHeader(std::string_view text, const std::string& file) {
+    requireShallowJson(text, file);
     std::vector<std::unordered_set<std::string>> names;
     std::string twice;
-    bool deep = false;
-    const auto callback = [&](int depth, Json::parse_event_t event, Json& parsed) {
-        if (depth > 4) deep = true;
+    const auto callback = [&](int, Json::parse_event_t event, Json& parsed) {
         if (event == Json::parse_event_t::object_start) names.emplace_back();
         if (event == Json::parse_event_t::object_end && !names.empty()) names.pop_back();
         if (event == Json::parse_event_t::key && !names.empty() &&
             !names.back().insert(parsed.get<std::string>()).second) {
             twice = parsed.get<std::string>();
         }
-        return !deep;
+        return true;
     };
     Json header = Json::parse(text, callback, /*allow_exceptions=*/false);
     if (!twice.empty()) throwInput("{}: '{}' stands twice in the header", file, printable(twice));
-    if (deep || header.is_discarded() || !header.is_object()) {
+    if (header.is_discarded() || !header.is_object()) {
         throwInput("{}: its header is not the JSON of a safetensors file", file);
     }
     return header;

@@ -20,6 +20,7 @@ extern "C" {
 
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
+#include "engine/files/ending.h"
 
 namespace doppel {
 namespace {
@@ -206,9 +207,7 @@ VideoWriter::VideoWriter(const std::filesystem::path& path, int width, int heigh
         throwInput("{}: {} frames per second; expected more than 0, at most 1000", path.string(),
                    framesPerSecond);
     }
-    std::string extension = path.extension().string();
-    for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-    if (extension != ".mp4") {
+    if (endingOf(path) != ".mp4") {
         throwInput("{}: expected a name that ends with .mp4", path.string());
     }
     parts_ = std::make_unique<Parts>(path, width, height);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "engine/error.h"
+#include "engine/files/ending.h"
 #include "nn/body/body.h"
 #include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/formats/model_files.h"
@@ -300,13 +301,6 @@ std::vector<Theta> posesToMatch(const Motion* motion) {
 
 namespace {
 
-std::string endingOf(const std::filesystem::path& out) {
-    std::string ending = out.extension().string();
-    for (char& c : ending)
-        if (c >= 'A' && c <= 'Z') c = static_cast<char>(c + 32);
-    return ending;
-}
-
 // The joints above the ground, and the motion.
 GltfScene skeletonScene(const Avatar& avatar, std::span<const float> bindVerts,
                         const Motion* motion, JointNames names) {
@@ -389,12 +383,32 @@ bool isMotionFile(const std::filesystem::path& out) {
     return ending == ".bvh" || ending == ".npz" || ending == ".json";
 }
 
+namespace {
+
+// What was asked for is in the file, or said not to be.
+void requireCarried(const std::filesystem::path& out, const ExportSettings& settings) {
+    const std::string ending = endingOf(out);
+    const auto require = [&](bool asked, const char* flag, bool carried, const char* where) {
+        if (asked && !carried)
+            throwInput("{}: expected {} for {}, found another", out.string(), where, flag);
+    };
+    const bool vrm = ending == ".vrm";
+    require(settings.shapes, "--shapes", vrm || ending == ".glb", ".glb or .vrm");
+    require(!settings.author.empty(), "--author", vrm, ".vrm");
+    require(!settings.licence.empty(), "--licence", vrm, ".vrm");
+    require(settings.names != JointNames::Smpl, "--names", ending != ".obj" && ending != ".npz",
+            ".glb, .vrm, .usda, .bvh or .json");
+}
+
+}  // namespace
+
 void exportAvatar(Device& device, const Avatar& avatar, const std::filesystem::path& out,
                   const Motion* motion, const ExportSettings& settings) {
     const std::string ending = endingOf(out);
     if (!isExportName(out))
         throwInput("{}: expected a name that ends in .glb, .vrm, .usda, .obj, .bvh, .npz or .json",
                    out.string());
+    requireCarried(out, settings);
     if (isMotionFile(out)) {
         if (!motion) throwInput("{}: expected a motion (--motion), found none", out.string());
         const std::vector<double> shaped = shapedVertices(
@@ -409,8 +423,6 @@ void exportAvatar(Device& device, const Avatar& avatar, const std::filesystem::p
             "{}: expected no motion, since a VRM file is an avatar without one; .glb and "
             ".bvh take it",
             out.string());
-    if (settings.shapes && ending != ".glb" && ending != ".vrm")
-        throwInput("{}: expected .glb or .vrm for --shapes, found another", out.string());
     if (ending == ".obj" && motion && motion->size() != 1)
         throwInput("{}: expected one frame, since an OBJ has one pose, found {}; --frames picks it",
                    out.string(), motion->size());

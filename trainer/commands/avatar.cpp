@@ -4,8 +4,8 @@
 #include <optional>
 
 #include "engine/files/atomic_file.h"
+#include "trainer/commands/clips/import.h"
 #include "trainer/commands/command.h"
-#include "trainer/commands/import.h"
 #include "trainer/commands/train.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"

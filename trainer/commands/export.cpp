@@ -13,9 +13,10 @@
 namespace doppel {
 
 void runExport(const ExportOptions& options) {
-    requireFileApart(options.out, {options.avatar, options.motion});
+    // Formats' endings are those of what avatars and captures are made of: poses.npz.
+    requireApart(options.out, {options.avatar, options.motion});
     for (const auto& companion : companionsOf(options.out))
-        requireFileApart(companion, {options.avatar, options.motion});
+        requireApart(companion, {options.avatar, options.motion});
     Avatar avatar = readAvatar(options.avatar);
     TextureKind texture = textureKind(options.texture);
     if (texture == TextureKind::Refined)
@@ -69,9 +70,10 @@ void declareFlags(CommandFlags& flags, ExportOptions& o) {
     flags.precision();
     flags.path("AVATAR", o.avatar, "Avatar's folder")->required();
     flags
-        .path("--out", o.out,
-              "FILE.glb, .vrm (VRM 1.0), .usda or .obj (with FILE.png beside it); or the motion "
-              "alone: .bvh, .npz (AMASS's) or .json")
+        .path(
+            "--out", o.out,
+            "FILE.glb, .vrm (VRM 1.0), .usda (with FILE.png beside it) or .obj (with FILE.mtl and "
+            "FILE.png); or the motion alone: .bvh, .npz (AMASS's) or .json")
         ->required();
     flags.path("--motion", o.motion,
                "A capture, a poses.npz, BVH, glTF, AMASS or an estimator's poses, which becomes an "
@@ -82,7 +84,9 @@ void declareFlags(CommandFlags& flags, ExportOptions& o) {
                      "baked (the refined textures of many views in one), coarse, or best: baked "
                      "where there is one")
         ->capture_default_str();
-    flags->add_option("--names", o.names, "What joints are called: smpl, vrm, mixamo or unreal")
+    flags
+        ->add_option("--names", o.names,
+                     "What joints are called, but in .obj and .npz: smpl, vrm, mixamo or unreal")
         ->capture_default_str();
     flags->add_flag("--shapes", o.shapes,
                     "Of .glb and .vrm: a morph target for each shape coefficient");

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 
 #include "engine/error.h"
+#include "engine/files/ending.h"
 #include "engine/io/image.h"
 #include "trainer/data/capture_notes.h"
 #include "trainer/data/frame_selection.h"
@@ -16,10 +16,8 @@ namespace fs = std::filesystem;
 namespace {
 
 bool isPictureName(const fs::path& path) {
-    std::string extension = path.extension().string();
-    std::transform(extension.begin(), extension.end(), extension.begin(),
-                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-    return extension == ".png" || extension == ".jpg" || extension == ".jpeg";
+    const std::string ending = endingOf(path);
+    return ending == ".png" || ending == ".jpg" || ending == ".jpeg";
 }
 
 // Pictures of a folder by their names without extension.

@@ -17,8 +17,8 @@ namespace doppel {
 // a temporary name's ending find room beside it.
 void requireFileName(std::string_view name, std::string_view where);
 
-// InputError where the folder `out` is one of the inputs, lies in one or has one in it, after links
-// are resolved. Inputs that are empty or not there do not count.
+// InputError where `out`, a folder or a file, is one of the inputs, lies in one or has one in it,
+// after links are resolved. Inputs that are empty or not there do not count.
 void requireApart(const std::filesystem::path& out,
                   const std::vector<std::filesystem::path>& inputs);
 // The same for a file, which may lie in an input's folder, but must not be an input, nor a link to

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "engine/error.h"
 
@@ -61,6 +62,31 @@ void setJointRotation(Theta& theta, size_t joint, const glm::dquat& rotation) {
     const glm::dvec3 axisAngle = axisAngleOf(rotation);
     for (int k = 0; k < 3; ++k)
         theta[3 * joint + static_cast<size_t>(k)] = static_cast<float>(axisAngle[k]);
+}
+
+glm::dquat turnBetween(const glm::dvec3& from, const glm::dvec3& to) {
+    const double cosine = glm::dot(from, to);
+    if (cosine < -1 + 1e-9) {
+        const glm::dvec3 other = std::abs(from.y) < .9 ? glm::dvec3(0, 1, 0) : glm::dvec3(1, 0, 0);
+        return quaternionOf(std::numbers::pi * glm::normalize(glm::cross(from, other)));
+    }
+    const glm::dvec3 axis = glm::cross(from, to);
+    return glm::normalize(glm::dquat(1 + cosine, axis.x, axis.y, axis.z));
+}
+
+Theta thetaBetween(const Theta& one, const Theta& other, double share) {
+    Theta between{};
+    for (size_t j = 0; j < joint::kCount; ++j)
+        setJointRotation(between, j,
+                         glm::slerp(jointRotation(one, j), jointRotation(other, j), share));
+    return between;
+}
+
+Trans transBetween(const Trans& one, const Trans& other, double share) {
+    Trans between{};
+    for (size_t c = 0; c < 3; ++c)
+        between[c] = static_cast<float>((1 - share) * double(one[c]) + share * double(other[c]));
+    return between;
 }
 
 void movePose(const RigidMotion& by, Theta& theta, Trans& trans) {

@@ -45,6 +45,14 @@ glm::dvec3 axisAngleOf(const glm::dquat& rotation);
 glm::dquat jointRotation(const Theta& theta, size_t joint);
 void setJointRotation(Theta& theta, size_t joint, const glm::dquat& rotation);
 
+// The smallest turn that makes one unit vector the other.
+glm::dquat turnBetween(const glm::dvec3& from, const glm::dvec3& to);
+
+// Poses between two, from `one` at a share of 0 to `other` at 1: along the shortest turn of each
+// joint, and a straight line.
+Theta thetaBetween(const Theta& one, const Theta& other, double share);
+Trans transBetween(const Trans& one, const Trans& other, double share);
+
 // x → rotation x + translation; a capture's extrinsic is one, from the world to the camera.
 struct RigidMotion {
     glm::dmat3 rotation{1};

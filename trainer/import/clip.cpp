@@ -3,11 +3,11 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <optional>
 
 #include "engine/error.h"
+#include "engine/files/ending.h"
 #include "engine/io/video.h"
 #include "trainer/data/frame_selection.h"
 #include "trainer/data/progress.h"
@@ -102,12 +102,9 @@ std::vector<fs::path> picturesOfFolder(const fs::path& folder) {
     std::vector<fs::path> pictures;
     std::error_code error;
     for (const auto& entry : fs::directory_iterator(folder, error)) {
-        std::string extension = entry.path().extension().string();
-        std::transform(extension.begin(), extension.end(), extension.begin(),
-                       [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
         constexpr const char* kKnown[] = {".png",  ".jpg",  ".jpeg", ".tif",
                                           ".tiff", ".webp", ".bmp"};
-        if (std::ranges::count(kKnown, extension) == 0 ||
+        if (std::ranges::count(kKnown, endingOf(entry.path())) == 0 ||
             entry.path().filename().string().starts_with('.'))
             continue;
         pictures.push_back(entry.path());

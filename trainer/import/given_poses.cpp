@@ -171,13 +171,8 @@ public:
             const double share = static_cast<double>(number - before->picture) /
                                  static_cast<double>(after->picture - before->picture);
             found.placed = one;
-            for (size_t j = 0; j < joint::kCount; ++j)
-                setJointRotation(
-                    found.placed.theta, j,
-                    glm::slerp(jointRotation(one.theta, j), jointRotation(other.theta, j), share));
-            for (size_t c = 0; c < 3; ++c)
-                found.placed.trans[c] = static_cast<float>((1 - share) * double(one.trans[c]) +
-                                                           share * double(other.trans[c]));
+            found.placed.theta = thetaBetween(one.theta, other.theta, share);
+            found.placed.trans = transBetween(one.trans, other.trans, share);
             found.filled = true;
         }
         for (size_t c = 0; c < 3; ++c)
@@ -325,11 +320,9 @@ private:
             pelvis.x += (mask.extent->x - body->x) * pelvis.z / camera.fx;
             pelvis.y += (mask.extent->y - body->y) * pelvis.z / camera.fy;
             if (nominal) {
-                const glm::dvec3 ray = glm::normalize(pelvis);
-                const glm::dvec3 about = glm::cross(glm::dvec3(0, 0, 1), ray);
+                const glm::dquat turn = turnBetween({0, 0, 1}, glm::normalize(pelvis));
                 setJointRotation(found.placed.theta, joint::kPelvis,
-                                 glm::normalize(glm::dquat(1 + ray.z, about.x, about.y, about.z)) *
-                                     jointRotation(given, joint::kPelvis));
+                                 turn * jointRotation(given, joint::kPelvis));
             }
             for (int c = 0; c < 3; ++c)
                 trans[static_cast<size_t>(c)] =

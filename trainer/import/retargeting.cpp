@@ -3,13 +3,13 @@
 // given segmentations/STEM.png (> 0: the person).
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cmath>
 #include <map>
 #include <optional>
 #include <vector>
 
 #include "engine/error.h"
+#include "engine/files/ending.h"
 #include "engine/io/image.h"
 #include "engine/io/pickle.h"
 #include "trainer/data/frame_selection.h"
@@ -37,12 +37,9 @@ std::vector<fs::path> filesOf(const fs::path& folder,
     fs::directory_iterator entries(folder, error);
     if (error) throwInput("{}: cannot be read: {}", folder.string(), error.message());
     for (const auto& entry : entries) {
-        std::string extension = entry.path().extension().string();
-        std::transform(extension.begin(), extension.end(), extension.begin(),
-                       [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+        const std::string ending = endingOf(entry.path());
         if (entry.path().filename().string().starts_with('.')) continue;
-        if (std::find(extensions.begin(), extensions.end(), extension) == extensions.end())
-            continue;
+        if (std::find(extensions.begin(), extensions.end(), ending) == extensions.end()) continue;
         files.push_back(entry.path());
     }
     std::sort(files.begin(), files.end(), [](const fs::path& a, const fs::path& b) {

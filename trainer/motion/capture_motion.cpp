@@ -1,9 +1,9 @@
-// A capture's poses as a motion, with the cameras that saw them.
+// Folders as motions: a capture's poses, with the cameras that saw them, or another program's.
 #include <string>
 
 #include "engine/error.h"
 #include "trainer/data/capture_notes.h"
-#include "trainer/motion/estimates/estimate.h"
+#include "trainer/motion/estimates/estimate_motion.h"
 #include "trainer/motion/motion.h"
 
 namespace doppel {
@@ -12,6 +12,9 @@ namespace fs = std::filesystem;
 namespace {
 
 Motion readCaptureMotion(const fs::path& folder) {
+    std::error_code error;
+    if (!fs::exists(folder / "poses.npz", error))
+        if (const auto estimates = findEstimates(folder)) return motionFromEstimates(*estimates);
     Poses poses = readPoses(folder / "poses.npz", false);
     const CaptureNotes notes = readNotes(folder);
     if (!notes.frames.empty() && notes.frames.size() != poses.theta.size()) {
@@ -27,7 +30,6 @@ Motion readCaptureMotion(const fs::path& folder) {
     motion.theta = std::move(poses.theta);
     motion.trans = std::move(poses.trans);
     motion.betas = poses.betas;
-    std::error_code error;
     const fs::path cameras = folder / "cameras.npz";
     return fs::exists(cameras, error) ? throughCameras(std::move(motion), cameras) : motion;
 }
@@ -37,8 +39,7 @@ const MotionFormat kCapture{{
     .recognises =
         [](const fs::path& path, std::string_view) {
             std::error_code error;
-            return fs::is_directory(path, error) &&
-                   (fs::exists(path / "poses.npz", error) || !areEstimates(path));
+            return fs::is_directory(path, error);
         },
     .read = readCaptureMotion,
 }};

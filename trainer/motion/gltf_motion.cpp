@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "engine/error.h"
+#include "engine/files/ending.h"
 #include "engine/files/printable.h"
 #include "engine/io/gltf_nodes.h"
 #include "trainer/data/pose.h"
@@ -77,11 +78,8 @@ std::vector<glm::dmat4> restOf(const GltfNodes& file) {
     const std::vector<glm::dmat4> asIs = worldOf(file, nullptr, 0);
     if (file.joints.empty()) return asIs;
     std::vector<std::optional<glm::dmat4>> bound(file.nodes.size());
-    // The joints' first ancestor that is none itself.
-    size_t top = *std::ranges::min_element(file.joints);
-    while (file.nodes[top].parent >= 0 &&
-           std::ranges::count(file.joints, static_cast<size_t>(file.nodes[top].parent)) > 0)
-        top = static_cast<size_t>(file.nodes[top].parent);
+    // The one that no other is above, since parents come first.
+    const size_t top = *std::ranges::min_element(file.joints);
     const glm::dmat4 above = file.nodes[top].parent < 0
                                  ? glm::dmat4(1)
                                  : asIs[static_cast<size_t>(file.nodes[top].parent)];
@@ -184,10 +182,8 @@ bool isGltf(std::string_view begin) {
 const MotionFormat kGltf{{
     .looks = "a glTF animation (.glb, .gltf, .vrm, .vrma)",
     .ending = ".glb",
-    .recognises =
-        [](const fs::path& path, std::string_view begin) {
-            return isGltf(begin) || path.extension() == ".gltf";
-        },
+    .recognises = [](const fs::path& path,
+                     std::string_view begin) { return isGltf(begin) || endingOf(path) == ".gltf"; },
     .read = readGltfMotion,
 }};
 

@@ -1,11 +1,10 @@
 #include "trainer/motion/motion.h"
 
 #include <algorithm>
-#include <array>
-#include <cctype>
-#include <fstream>
 
 #include "engine/error.h"
+#include "engine/files/atomic_file.h"
+#include "engine/files/ending.h"
 #include "trainer/data/frame_selection.h"
 
 namespace doppel {
@@ -30,12 +29,8 @@ std::string knownFormats() {
 }
 
 std::string beginOf(const fs::path& path) {
-    std::string begin(4096, '\0');
-    std::ifstream file(path, std::ios::binary);
-    if (!file) throwInput("{}: cannot be read", path.string());
-    file.read(begin.data(), static_cast<std::streamsize>(begin.size()));
-    begin.resize(static_cast<size_t>(file.gcount()));
-    return begin;
+    const std::vector<uint8_t> begin = readFileHead(path, 4096);
+    return {begin.begin(), begin.end()};
 }
 
 }  // namespace
@@ -66,9 +61,7 @@ const MotionFormat::Declaration* formatOf(const fs::path& path) {
     std::error_code error;
     std::string begin;
     if (!fs::is_directory(path, error)) {
-        std::string ending = path.extension().string();
-        std::transform(ending.begin(), ending.end(), ending.begin(),
-                       [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+        const std::string ending = endingOf(path);
         for (const auto& format : formats())
             if (!ending.empty() && ending == format.ending) return &format;
         begin = beginOf(path);

@@ -1,8 +1,9 @@
-// A poses.npz as a motion: poses without cameras.
+// Archives as motions: a poses.npz, which has no cameras, or another program's poses.
 #include <string>
 
+#include "engine/files/ending.h"
 #include "trainer/data/capture_notes.h"
-#include "trainer/motion/estimates/estimate.h"
+#include "trainer/motion/estimates/estimate_motion.h"
 #include "trainer/motion/motion.h"
 
 namespace doppel {
@@ -12,6 +13,7 @@ namespace {
 
 // betas may be missing; a 0-d `fps` is believed.
 Motion readPosesMotion(const fs::path& path) {
+    if (const auto estimates = findEstimates(path)) return motionFromEstimates(*estimates);
     Poses poses = readPoses(path, false);
     Motion motion;
     motion.source = path;
@@ -27,8 +29,7 @@ const MotionFormat kPoses{{
     .looks = "a poses.npz",
     .recognises =
         [](const fs::path& path, std::string_view begin) {
-            const bool is = begin.starts_with("PK\x03\x04") || path.extension() == ".npz";
-            return is && !begin.empty() && !areEstimates(path);
+            return begin.starts_with("PK\x03\x04") || (!begin.empty() && endingOf(path) == ".npz");
         },
     .read = readPosesMotion,
 }};

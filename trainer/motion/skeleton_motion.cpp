@@ -5,7 +5,6 @@
 #include <cctype>
 #include <cmath>
 #include <initializer_list>
-#include <numbers>
 #include <optional>
 
 #include "engine/error.h"
@@ -233,17 +232,6 @@ constexpr std::array<std::array<double, 3>, joint::kCount> kRest = {{
 }};
 
 glm::dvec3 restOf(size_t joint) { return {kRest[joint][0], kRest[joint][1], kRest[joint][2]}; }
-
-// The smallest turn that makes one unit vector the other.
-glm::dquat turnBetween(const glm::dvec3& from, const glm::dvec3& to) {
-    const double cosine = glm::dot(from, to);
-    if (cosine < -1 + 1e-9) {
-        const glm::dvec3 other = std::abs(from.y) < .9 ? glm::dvec3(0, 1, 0) : glm::dvec3(1, 0, 0);
-        return quaternionOf(std::numbers::pi * glm::normalize(glm::cross(from, other)));
-    }
-    const glm::dvec3 axis = glm::cross(from, to);
-    return glm::normalize(glm::dquat(1 + cosine, axis.x, axis.y, axis.z));
-}
 
 class Retarget {
 public:
@@ -499,6 +487,12 @@ Motion motionFromSkeleton(const SkeletonMotion& source) {
     motion.trans.resize(source.frames);
     for (size_t f = 0; f < source.frames; ++f)
         retarget.pose(static_cast<int64_t>(f), motion.theta[f], motion.trans[f]);
+    // Bones without length have no direction, and huge ones lie beyond what a body can be moved.
+    const auto all = [](const auto& rows) {
+        return std::span(rows.data()->data(), rows.size() * rows.data()->size());
+    };
+    requireFinite(all(motion.theta), source.file + ": rotations", kThetaSize, kMostRadians);
+    requireFinite(all(motion.trans), source.file + ": translations", 3, kMostMetres);
     return motion;
 }
 

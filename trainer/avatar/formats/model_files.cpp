@@ -8,6 +8,7 @@
 
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
+#include "engine/files/ending.h"
 #include "engine/io/image.h"
 
 namespace doppel {
@@ -17,14 +18,24 @@ namespace {
 
 fs::path withEnding(fs::path path, const char* ending) { return path.replace_extension(ending); }
 
+constexpr const char* kSoftware = "Doppel";       // as our textures say
+constexpr std::string_view kMark = "# Doppel\n";  // with which our text files begin
+
+// By content, since an export that was killed leaves companions alone, and a model of the user's
+// own has companions of the same names.
+bool isOurs(const fs::path& companion) {
+    if (endingOf(companion) == ".png") return imageSoftware(companion) == kSoftware;
+    const std::vector<uint8_t> head = readFileHead(companion, kMark.size());
+    return std::ranges::equal(head, kMark);
+}
+
 void requireCompanionsOurs(const fs::path& out) {
     std::error_code error;
-    if (fs::exists(out, error)) return;
     for (const fs::path& companion : companionsOf(out))
-        if (fs::exists(companion, error))
+        if (fs::exists(companion, error) && !isOurs(companion))
             throwInput(
-                "{}: expected nothing there, since it is written beside {}, found a file that is "
-                "not of an earlier export; name another --out",
+                "{}: expected nothing there, or what an export wrote, since it is written beside "
+                "{}, found another file; name another --out",
                 companion.string(), out.filename().string());
 }
 
@@ -36,7 +47,7 @@ void requireFinite(const fs::path& out, std::span<const float> values) {
 }
 
 void writeTexture(const fs::path& file, const GltfScene& scene) {
-    const std::vector<uint8_t> png = encodePng(scene.baseColor);
+    const std::vector<uint8_t> png = encodePng(scene.baseColor, kSoftware);
     AtomicFile texture(file);
     texture.write(png.data(), png.size());
     texture.commit();
@@ -63,11 +74,25 @@ std::string usdName(std::string name) {
     return name;
 }
 
+// USD's paths of files stand between @, or between @@@ where there is one in the name.
+std::string usdPath(const std::string& path) {
+    if (path.find('@') == std::string::npos) return fmt::format("@{}@", path);
+    std::string text;
+    for (size_t i = 0; i < path.size(); ++i) {
+        if (path.compare(i, 3, "@@@") == 0)
+            text += '\\', text += path.substr(i, 3), i += 2;
+        else
+            text += path[i];
+    }
+    return fmt::format("@@@{}@@@", text);
+}
+
 }  // namespace
 
 std::vector<fs::path> companionsOf(const fs::path& out) {
-    if (out.extension() == ".obj") return {withEnding(out, ".mtl"), withEnding(out, ".png")};
-    if (out.extension() == ".usda") return {withEnding(out, ".png")};
+    const std::string ending = endingOf(out);
+    if (ending == ".obj") return {withEnding(out, ".mtl"), withEnding(out, ".png")};
+    if (ending == ".usda") return {withEnding(out, ".png")};
     return {};
 }
 
@@ -76,7 +101,7 @@ void writeObj(const fs::path& out, const GltfScene& scene) {
     requireCompanionsOurs(out);
     AtomicFile file(out);
     const fs::path material = withEnding(out, ".mtl"), texture = withEnding(out, ".png");
-    std::string text = fmt::format("# Doppel\nmtllib {}\no avatar\n", material.filename().string());
+    std::string text = fmt::format("{}mtllib {}\no avatar\n", kMark, material.filename().string());
     const auto put = std::back_inserter(text);
     for (size_t i = 0; i < scene.positions.size(); i += 3)
         fmt::format_to(put, "v {} {} {}\n", scene.positions[i], scene.positions[i + 1],
@@ -100,9 +125,9 @@ void writeObj(const fs::path& out, const GltfScene& scene) {
     AtomicFile mtl(material);
     // The texture holds the light that the capture was taken in.
     mtl.write(
-        fmt::format("# Doppel\nnewmtl avatar\nKa 1 1 1\nKd 1 1 1\nKs 0 0 0\nillum 0\nmap_Ka "
-                    "{0}\nmap_Kd {0}\n",
-                    texture.filename().string()));
+        fmt::format("{0}newmtl avatar\nKa 1 1 1\nKd 1 1 1\nKs 0 0 0\nillum 0\nmap_Ka "
+                    "{1}\nmap_Kd {1}\n",
+                    kMark, texture.filename().string()));
     mtl.commit();
     file.write(text);
     file.commit();
@@ -244,7 +269,7 @@ void writeUsd(const fs::path& out, const GltfScene& scene) {
         "            token outputs:surface\n        }}\n\n        def Shader \"texture\"\n        "
         "{{\n"
         "            uniform token info:id = \"UsdUVTexture\"\n            asset inputs:file = "
-        "@./{}@\n            token inputs:sourceColorSpace = \"sRGB\"\n            float2 "
+        "{}\n            token inputs:sourceColorSpace = \"sRGB\"\n            float2 "
         "inputs:st.connect = </avatar/material/st.outputs:result>\n            token inputs:wrapS "
         "= "
         "\"clamp\"\n            token inputs:wrapT = \"clamp\"\n            float3 outputs:rgb\n"
@@ -252,7 +277,7 @@ void writeUsd(const fs::path& out, const GltfScene& scene) {
         "\"UsdPrimvarReader_float2\"\n            string inputs:varname = \"st\"\n            "
         "float2 "
         "outputs:result\n        }}\n    }}\n}}\n",
-        texture.filename().string());
+        usdPath("./" + texture.filename().string()));
     writeTexture(texture, scene);
     file.write(text);
     file.commit();

@@ -9,6 +9,8 @@
 
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
+#include "engine/files/ending.h"
+#include "engine/files/json_depth.h"
 #include "engine/files/printable.h"
 #include "trainer/data/frame_selection.h"
 #include "trainer/motion/estimates/fields.h"
@@ -20,6 +22,9 @@ namespace {
 
 constexpr uint64_t kMostBytes = uint64_t{64} << 20;  // of one file
 constexpr size_t kMostFiles = 1'000'000;
+// Studios have hundreds of cameras, with a dozen matrices each.
+constexpr size_t kMostMatrices = 8192, kLongestName = 64;
+constexpr size_t kMostViews = size_t{1} << 23;  // of all poses by all cameras
 
 // ---- cameras ------------------------------------------------------------------------------------
 
@@ -39,9 +44,14 @@ std::map<std::string, std::vector<double>> readMatrices(const fs::path& file) {
     std::map<std::string, std::vector<double>> matrices;
     for (size_t at = text.find(kMatrix); at != std::string_view::npos;
          at = text.find(kMatrix, at + 1)) {
-        const size_t line = text.rfind('\n', at);
-        const std::string name(text.substr(line == std::string_view::npos ? 0 : line + 1,
-                                           at - (line == std::string_view::npos ? 0 : line + 1)));
+        const std::string_view before = text.substr(at > kLongestName ? at - kLongestName - 1 : 0,
+                                                    std::min(at, kLongestName + 1));
+        const std::string name(before.substr(before.rfind('\n') + 1));
+        if (name.size() > kLongestName || matrices.size() == kMostMatrices)
+            throwInput(
+                "{}: expected at most {} matrices with names of at most {} characters, found "
+                "more",
+                file.string(), kMostMatrices, kLongestName);
         const size_t begin = text.find("data:", at), open = text.find('[', begin),
                      end = text.find(']', open);
         if (end == std::string_view::npos || end > text.find(kMatrix, at + 1))
@@ -118,7 +128,7 @@ std::vector<fs::path> filesOf(const fs::path& folder) {
     std::vector<fs::path> files;
     std::error_code error;
     for (const auto& entry : fs::directory_iterator(folder, error))
-        if (entry.path().extension() == ".json" &&
+        if (endingOf(entry.path()) == ".json" &&
             std::ranges::all_of(entry.path().stem().string(),
                                 [](char c) { return c >= '0' && c <= '9'; }))
             files.push_back(entry.path());
@@ -139,12 +149,17 @@ fs::path placeOf(const fs::path& folder) {
 
 nlohmann::json readJson(const fs::path& file) {
     const std::vector<uint8_t> bytes = readWholeFile(file, kMostBytes);
+    requireShallowJson({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, file.string());
     auto json = nlohmann::json::parse(bytes.begin(), bytes.end(), nullptr, false);
     if (json.is_discarded()) throwInput("{}: expected JSON, found other text", file.string());
-    if (json.is_object() && json.contains("annots")) json = json["annots"];
-    if (!json.is_array())
-        throwInput("{}: expected a list of people, found another value", file.string());
     return json;
+}
+
+const nlohmann::json& peopleOf(const nlohmann::json& json, const fs::path& file) {
+    const auto& list = json.is_object() && json.contains("annots") ? json["annots"] : json;
+    if (!list.is_array())
+        throwInput("{}: expected a list of people, found another value", file.string());
+    return list;
 }
 
 // [[1, 2, …]] or [1, 2, …]: of one person.
@@ -153,8 +168,8 @@ std::vector<double> numbersOf(const nlohmann::json& person, const char* name,
     const std::string what = fmt::format("{}: {}", where, name);
     if (!person.is_object() || !person.contains(name))
         throwInput("{}: expected {} numbers, found none", what, least);
-    nlohmann::json list = person[name];
-    if (list.is_array() && list.size() == 1 && list[0].is_array()) list = list[0];
+    const nlohmann::json& rows = person[name];
+    const auto& list = rows.is_array() && rows.size() == 1 && rows[0].is_array() ? rows[0] : rows;
     std::vector<double> numbers;
     if (list.is_array() && list.size() <= 4096)
         for (const auto& value : list) {
@@ -184,12 +199,14 @@ void readEasyMocap(EstimateSource& source, Estimates& estimates) {
     for (const WorldCamera& camera : cameras)
         estimates.readings.push_back("the camera " + printable(camera.name));
     std::map<int64_t, EstimatedPerson> people;
+    size_t views = 0;
     for (const fs::path& file : files) {
         const std::string stem = file.stem().string(), where = file.string();
         if (stem.size() > 9)
             throwInput("{}: expected the picture's number as the file's name, found {}", where,
                        printable(stem));
-        for (const auto& person : readJson(file)) {
+        const nlohmann::json json = readJson(file);
+        for (const auto& person : peopleOf(json, file)) {
             const auto rh = numbersOf(person, "Rh", where, 3),
                        th = numbersOf(person, "Th", where, 3);
             const auto poses = numbersOf(person, "poses", where, 66);
@@ -199,6 +216,10 @@ void readEasyMocap(EstimateSource& source, Estimates& estimates) {
             // 69: SMPL's without the pelvis; more than 72: SMPL-X's, hands behind its 21 joints.
             const size_t skipped = poses.size() == 69 ? 0 : 3;
             const size_t joints = poses.size() <= 72 ? (poses.size() - skipped) / 3 : 21;
+            views += estimates.readings.size();
+            if (views > kMostViews)
+                throwInput("{}: expected at most {} poses, seen by {} cameras, found more", where,
+                           kMostViews / estimates.readings.size(), estimates.readings.size());
             EstimatedPose pose;
             pose.picture = std::stoll(stem);
             pose.name = stem;
@@ -261,7 +282,8 @@ const EstimateFormat kEasyMocap{{
             // In the first pictures there may be nobody.
             const auto files = filesOf(folder);
             for (size_t i = 0; i < std::min<size_t>(files.size(), 100); ++i) {
-                const auto people = readJson(files[i]);
+                const nlohmann::json json = readJson(files[i]);
+                const nlohmann::json& people = peopleOf(json, files[i]);
                 if (people.empty()) continue;
                 return people[0].is_object() && people[0].contains("Rh") &&
                        people[0].contains("Th");

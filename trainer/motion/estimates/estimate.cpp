@@ -1,12 +1,12 @@
 #include "trainer/motion/estimates/estimate.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <fstream>
+#include <string_view>
 
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
+#include "engine/files/ending.h"
 #include "engine/files/zip.h"
 
 namespace doppel {
@@ -41,9 +41,12 @@ EstimateSource open(const fs::path& path) {
         source.folder = true;
         return source;
     }
-    std::array<char, 2> magic{};
-    std::ifstream(path, std::ios::binary).read(magic.data(), 2);
-    if (magic[0] != 'P' || magic[1] != 'K') {
+    if (endingOf(path) == ".npz") {
+        source.npz = readNpz(path);
+        return source;
+    }
+    const std::vector<uint8_t> magic = readFileHead(path, 2);
+    if (!std::ranges::equal(magic, std::string_view("PK"))) {
         source.pickle = readPickle(path);
         return source;
     }
@@ -87,11 +90,16 @@ EstimateFormat::EstimateFormat(const Declaration& declaration) {
 }
 
 Estimates readEstimates(const fs::path& path) {
+    if (auto estimates = findEstimates(path)) return std::move(*estimates);
+    std::error_code error;
+    throwInput("{}: expected poses of another program: {}; found {}", path.string(), knownFormats(),
+               fs::is_directory(path, error) ? "a folder of other files" : "other content");
+}
+
+std::optional<Estimates> findEstimates(const fs::path& path) {
     EstimateSource source = open(path);
     const EstimateFormat::Declaration* format = formatOf(source);
-    if (format == nullptr)
-        throwInput("{}: expected poses of another program: {}; found {}", path.string(),
-                   knownFormats(), source.folder ? "a folder of other files" : "other content");
+    if (format == nullptr) return {};
     Estimates estimates;
     estimates.source = path;
     estimates.program = format->program;
@@ -104,14 +112,6 @@ Estimates readEstimates(const fs::path& path) {
     }
     check(estimates);
     return estimates;
-}
-
-bool areEstimates(const fs::path& path) {
-    try {
-        return formatOf(open(path)) != nullptr;
-    } catch (const InputError&) {
-        return false;
-    }
 }
 
 // ---- placing ------------------------------------------------------------------------------------
@@ -132,9 +132,7 @@ PlacedPose placePose(const EstimatedPose& pose, const EstimatedView& view, const
         const double depth = std::clamp(clip.fx / pixelsPerMetre, .1, 1e4);
         place = {(pixel.x - clip.cx) * depth / clip.fx, (pixel.y - clip.cy) * depth / clip.fy,
                  depth};
-        const glm::dvec3 ray = glm::normalize(place), about = glm::cross(before, ray);
-        root =
-            glm::normalize(glm::dquat(1 + glm::dot(before, ray), about.x, about.y, about.z)) * root;
+        root = turnBetween(before, glm::normalize(place)) * root;
     };
     const glm::dvec3 axis(0, 0, 1);  // the optical one, on which squares show the person
     if (view.kind == EstimatedView::Kind::Square) {

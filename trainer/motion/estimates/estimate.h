@@ -91,8 +91,8 @@ struct Estimates {
 // and what was found; a file of no known program is one as well.
 Estimates readEstimates(const std::filesystem::path& path);
 
-// Whether it is a file or a folder of a known program. A file that cannot be read is none.
-bool areEstimates(const std::filesystem::path& path);
+// The same, and nothing for other content.
+std::optional<Estimates> findEstimates(const std::filesystem::path& path);
 
 // The pose in the space of a camera. clip: the one of a file that does not say its own, of the size
 // of the pictures that the program saw. known: it is no guess, so that it counts more than what

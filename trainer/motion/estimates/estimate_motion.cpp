@@ -1,9 +1,10 @@
 // Estimators' poses and AMASS's motions as motions: of the person with most poses.
+#include "trainer/motion/estimates/estimate_motion.h"
+
 #include <algorithm>
 
 #include "engine/error.h"
-#include "trainer/motion/estimates/fields.h"
-#include "trainer/motion/motion.h"
+#include "engine/files/ending.h"
 
 namespace doppel {
 namespace fs = std::filesystem;
@@ -13,37 +14,31 @@ namespace {
 // Of the clip's size nothing is known, nor does it matter for a motion.
 constexpr Camera kCamera{1663, 1663, 960, 540, 1920, 1080};
 
-// Pictures between two poses are filled along straight lines and shortest turns, so that the motion
-// keeps its speed.
+// `pictures` after the last one.
 void append(Motion& motion, const Theta& theta, const Trans& trans, int64_t pictures) {
     constexpr int64_t kMost = 1'000'000;
     if (pictures > kMost - static_cast<int64_t>(motion.size()))
         throwInput("{}: expected poses of at most {} pictures, found more", motion.source.string(),
                    kMost);
     for (int64_t k = 1; k <= pictures; ++k) {
-        const double share = static_cast<double>(k) / static_cast<double>(pictures);
         if (k == pictures) {
             motion.theta.push_back(theta);
             motion.trans.push_back(trans);
             break;
         }
+        const double share = static_cast<double>(k) / static_cast<double>(pictures);
         const size_t last = motion.size() - static_cast<size_t>(k);
-        Theta between{};
-        Trans place{};
-        for (size_t j = 0; j < joint::kCount; ++j)
-            setJointRotation(
-                between, j,
-                glm::slerp(jointRotation(motion.theta[last], j), jointRotation(theta, j), share));
-        for (size_t c = 0; c < 3; ++c)
-            place[c] = static_cast<float>((1 - share) * double(motion.trans[last][c]) +
-                                          share * double(trans[c]));
-        motion.theta.push_back(between);
-        motion.trans.push_back(place);
+        const Theta turned = thetaBetween(motion.theta[last], theta, share);
+        const Trans moved = transBetween(motion.trans[last], trans, share);
+        motion.theta.push_back(turned);
+        motion.trans.push_back(moved);
     }
 }
 
-Motion readEstimatedMotion(const fs::path& path) {
-    const Estimates estimates = readEstimates(path);
+}  // namespace
+
+Motion motionFromEstimates(const Estimates& estimates) {
+    const fs::path& path = estimates.source;
     const EstimatedPerson& person = *std::ranges::max_element(
         estimates.people, {}, [](const EstimatedPerson& p) { return p.poses.size(); });
     Motion motion;
@@ -74,19 +69,19 @@ Motion readEstimatedMotion(const fs::path& path) {
     return motion;
 }
 
+namespace {
+
 const MotionFormat kEstimates{{
     .looks = "other programs' poses (AMASS, 4D-Humans, WHAM, GVHMR, ROMP, VIBE, SPIN, EasyMocap)",
     .recognises =
         [](const fs::path& path, std::string_view begin) {
-            std::error_code error;
-            const bool pickle =
-                begin.size() > 2 && (begin[0] == '\x80' || begin[0] == 'x') &&
-                (path.extension() == ".pkl" || path.extension() == ".pth" || begin[0] == '\x80');
-            if (pickle) return true;
-            const bool zip = begin.starts_with("PK\x03\x04");
-            return (zip || fs::is_directory(path, error)) && areEstimates(path);
+            // Pickles; archives and folders are looked into where poses.npz and captures are read.
+            const std::string ending = endingOf(path);
+            return begin.size() > 2 &&
+                   (begin[0] == '\x80' ||
+                    (begin[0] == 'x' && (ending == ".pkl" || ending == ".pth")));
         },
-    .read = readEstimatedMotion,
+    .read = [](const fs::path& path) { return motionFromEstimates(readEstimates(path)); },
 }};
 
 }  // namespace

@@ -18,9 +18,9 @@ void readPhalp(EstimateSource& source, Estimates& estimates) {
     estimates.readings = {""};
     std::map<int64_t, EstimatedPerson> people;
     std::map<int64_t, std::vector<Betas>> betas;
-    const auto pictures = source.pickle->keys();
-    for (const std::string& picture : pictures) {
-        const PickleValue frame = source.pickle->at(picture);
+    size_t pictures = 0;
+    source.pickle->eachPair([&](const std::string& picture, const PickleValue& frame) {
+        ++pictures;
         const PickleValue ids = frame.at("tid"), bodies = frame.at("smpl"),
                           cameras = frame.at("camera");
         const auto missed = frame.find("tracked_time");
@@ -63,7 +63,7 @@ void readPhalp(EstimateSource& source, Estimates& estimates) {
             }
             people[id].poses.push_back(std::move(pose));
         }
-    }
+    });
     for (auto& [id, person] : people) {
         person.name = std::to_string(id);
         if (const auto& all = betas[id]; !all.empty()) {
@@ -76,7 +76,7 @@ void readPhalp(EstimateSource& source, Estimates& estimates) {
     }
     if (estimates.people.empty())
         throwInput("{}: expected one person or more, found nobody in {} pictures",
-                   source.path.string(), pictures.size());
+                   source.path.string(), pictures);
 }
 
 const EstimateFormat kPhalp{{

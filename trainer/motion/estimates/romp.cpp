@@ -1,6 +1,8 @@
 // ROMP and BEV (Sun et al., ICCV 2021 and CVPR 2022), as the package simple-romp saves them: an npz
 // with a dict `results`, of one picture or by pictures (video_results.npz). People are rows.
+#include <algorithm>
 #include <map>
+#include <tuple>
 
 #include "engine/error.h"
 #include "engine/files/printable.h"
@@ -34,13 +36,14 @@ bool isRomp(const EstimateSource& source) {
     return first.kind() == PickleValue::Kind::dict && isPicture(first);
 }
 
-void readPicture(const PickleValue& frame, int64_t picture, const std::string& name,
+// metres: whether the views by cam_trans are among them.
+void readPicture(const PickleValue& frame, int64_t picture, const std::string& name, bool metres,
                  std::map<int64_t, EstimatedPerson>& people) {
     const Rotations thetas = rotationsOf(frame.at("smpl_thetas").asArray(), joint::kCount);
     const size_t count = thetas.size();
     const Rows cam = rowsOf(frame.at("cam").asArray(), 3, count);
     std::optional<Rows> trans;
-    if (const auto value = frame.find("cam_trans")) trans = rowsOf(value->asArray(), 3, count);
+    if (metres) trans = rowsOf(frame.at("cam_trans").asArray(), 3, count);
     std::vector<int64_t> ids;
     if (const auto value = frame.find("track_ids"))
         ids = pictureNumbers(value->asArray(), count);
@@ -56,6 +59,7 @@ void readPicture(const PickleValue& frame, int64_t picture, const std::string& n
         // to the origin.
         for (const bool weak : {true, false})
             for (const bool hips : {false, true}) {
+                if (!weak && !trans) continue;
                 EstimatedView view;
                 const glm::dvec3 rest = hips ? glm::dvec3(0) : restPelvis();
                 if (weak) {
@@ -64,7 +68,7 @@ void readPicture(const PickleValue& frame, int64_t picture, const std::string& n
                     // Here the offset is in half sides: u = s x + t.
                     if (cam[i][0] > 0)
                         view.pelvis = rest + glm::dvec3(cam[i][1], cam[i][2], 0) / cam[i][0];
-                } else if (trans) {
+                } else {
                     view.kind = EstimatedView::Kind::Metres;
                     view.pelvis = rest + glm::dvec3((*trans)[i][0], (*trans)[i][1], (*trans)[i][2]);
                     view.of = EstimatedView::Focal::Longest;
@@ -77,21 +81,29 @@ void readPicture(const PickleValue& frame, int64_t picture, const std::string& n
 }
 
 void readRomp(EstimateSource& source, Estimates& estimates) {
-    estimates.readings = {"cam, about SMPL's origin", "cam, about the hips",
-                          "cam_trans, about SMPL's origin", "cam_trans, about the hips"};
     std::map<int64_t, EstimatedPerson> people;
     const PickleValue results = *resultsOf(source);
+    // Pictures with people: their number, name and content.
+    std::vector<std::tuple<int64_t, std::string, PickleValue>> pictures;
     if (isPicture(results)) {
-        readPicture(results, 0, pictureStem(source.path.filename().string()), people);
+        pictures.emplace_back(0, pictureStem(source.path.filename().string()), results);
     } else {
-        const auto pictures = results.keys();
-        for (size_t i = 0; i < pictures.size(); ++i) {
-            const PickleValue frame = results.at(pictures[i]);
+        int64_t number = 0;
+        results.eachPair([&](const std::string& name, const PickleValue& frame) {
             // A picture in which nobody was found holds nothing.
-            if (frame.kind() != PickleValue::Kind::dict || frame.size() == 0) continue;
-            readPicture(frame, static_cast<int64_t>(i), pictureStem(pictures[i]), people);
-        }
+            if (frame.kind() == PickleValue::Kind::dict && frame.size() > 0)
+                pictures.emplace_back(number, pictureStem(name), frame);
+            ++number;
+        });
     }
+    estimates.readings = {"cam, about SMPL's origin", "cam, about the hips"};
+    const bool metres = std::ranges::all_of(
+        pictures, [](const auto& picture) { return std::get<2>(picture).has("cam_trans"); });
+    if (metres)
+        estimates.readings.insert(estimates.readings.end(),
+                                  {"cam_trans, about SMPL's origin", "cam_trans, about the hips"});
+    for (const auto& [number, name, frame] : pictures)
+        readPicture(frame, number, name, metres, people);
     for (auto& [id, person] : people) {
         person.name = std::to_string(id);
         estimates.people.push_back(std::move(person));

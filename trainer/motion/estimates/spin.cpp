@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "engine/error.h"
+#include "engine/files/ending.h"
 #include "trainer/data/frame_selection.h"
 #include "trainer/motion/estimates/fields.h"
 
@@ -110,8 +111,7 @@ std::vector<fs::path> picklesOf(const fs::path& folder) {
     std::vector<fs::path> files;
     std::error_code error;
     for (const auto& entry : fs::directory_iterator(folder, error))
-        if (entry.path().extension() == ".pkl" &&
-            !entry.path().filename().string().starts_with('.'))
+        if (endingOf(entry.path()) == ".pkl" && !entry.path().filename().string().starts_with('.'))
             files.push_back(entry.path());
     std::ranges::sort(files, [](const fs::path& a, const fs::path& b) {
         return naturallyBefore(a.filename().string(), b.filename().string());

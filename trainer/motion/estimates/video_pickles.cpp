@@ -20,14 +20,13 @@ std::optional<PickleValue> firstPerson(const EstimateSource& source) {
 
 template <typename Read>
 void readPeople(const EstimateSource& source, Estimates& estimates, Read read) {
-    for (const std::string& name : source.pickle->keys()) {
+    source.pickle->eachPair([&](const std::string& name, const PickleValue& dict) {
         EstimatedPerson person;
         person.name = printable(name);
-        const PickleValue dict = source.pickle->at(name);
-        if (dict.kind() == PickleValue::Kind::dict && dict.size() == 0) continue;
+        if (dict.kind() == PickleValue::Kind::dict && dict.size() == 0) return;
         read(dict, person);
         estimates.people.push_back(std::move(person));
-    }
+    });
     if (estimates.people.empty())
         throwInput("{}: expected one person or more, found none", source.path.string());
 }

@@ -1,4 +1,4 @@
-#include "trainer/commands/import.h"
+#include "trainer/commands/clips/import.h"
 
 #include <fmt/format.h>
 
