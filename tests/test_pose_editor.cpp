@@ -205,7 +205,7 @@ TEST(PoseEditor, RefusesWhatIsNoPose) {
         {std::string(70000, ' '), "clipboard: expected a pose of at most 65536 bytes, found 70000"},
         {std::string(8, '['), "clipboard: expected a pose as JSON, found an error at byte 9"},
         {std::string(30000, '[') + std::string(30000, ']'),
-         "clipboard: expected a pose of at most 8 levels, found more"},
+         "clipboard: expected JSON nested at most 8 deep, found more at byte 8"},
     };
     PoseEditor editor(bent(1), {1});
     for (const auto& [text, sentence] : cases) {

@@ -6,24 +6,18 @@
 #include <string_view>
 
 #include "engine/error.h"
+#include "engine/files/json_depth.h"
 
 namespace doppel {
 
 // The document; `what` is what was expected: "a pose". InputError that begins with `name` where the
-// text is no JSON, has a number that is too large, or nests deeper than anything of ours: what
-// copies, compares or prints a document calls itself for each level, until the stack ends.
+// text is no JSON, has a number that is too large, or nests deeper than anything of ours.
 inline nlohmann::json parsedJson(std::string_view text, const std::string& name, const char* what) {
     using nlohmann::json;
-    constexpr int kDeepest = 8;
-    const auto requireShallow = [&](int above, json::parse_event_t event, const json&) {
-        const bool deeper =
-            event == json::parse_event_t::array_start || event == json::parse_event_t::object_start;
-        if (deeper && above >= kDeepest)
-            throwInput("{}: expected {} of at most {} levels, found more", name, what, kDeepest);
-        return true;
-    };
+    constexpr size_t kDeepest = 8;
+    requireShallowJson(text, name, kDeepest);
     try {
-        return json::parse(text, requireShallow);
+        return json::parse(text);
     } catch (const json::parse_error& problem) {
         throwInput("{}: expected {} as JSON, found an error at byte {}", name, what, problem.byte);
     } catch (const json::out_of_range&) {
