@@ -14,6 +14,7 @@
 #include "trainer/avatar/preset.h"
 #include "trainer/data/capture.h"
 #include "trainer/data/pose.h"
+#include "trainer/import/seen_heads.h"
 #include "trainer/motion/synthetic.h"
 #include "trainer/person/body_start.h"
 #include "trainer/person/picture_net.h"
@@ -170,6 +171,53 @@ TEST(FaceFinder, ActorsLookWhereTheirHeadsDo) {
     ASSERT_GT(seen, 2);
     std::cout << seen << " faces of " << actor.size() << ", off by " << off / seen << " degrees\n";
     EXPECT_LT(off / seen, 10);
+}
+
+// Poses whose heads are turned away from where they look come back, as far as pictures tell; bodies
+// that stand elsewhere than the person keep theirs.
+TEST(SeenHeads, GivenHeadsTurnToWhereFacesLook) {
+    if (!poseModelsAreThere(PoseNet::Full) || !FaceFinder::isThere())
+        GTEST_SKIP() << "scripts/setup --models fetches the networks";
+    Folder folder;
+    Capture capture = renderActor(testDevice(), readActor(assetFolder() / "actor", "woman"),
+                                  actorSession(8, 0, kActorDistance), folder / "actor",
+                                  {.size = 640, .samples = 2});
+    const Poses truth = readPoses(folder / "actor/truth.npz", false);
+    const BodyModel body = bodyFromNpz(readBodyArrays("default"));
+    for (Theta& theta : capture.theta)
+        setJointRotation(theta, joint::kHead,
+                         jointRotation(theta, joint::kHead) * quaternionOf({.1, .5, 0}));
+    capture.trans[7][0] += 1.5f;
+    const auto off = [&](const Capture& now, size_t f) {
+        return degreesBetween(headOf(body, now.theta[f]), headOf(body, truth.theta[f]));
+    };
+    ImportRequest request;
+    request.net = PoseNet::Full;
+    request.device = &testDevice();
+    request.body = &body;
+    request.givenHeads = true;
+    Capture found = capture;
+    takeSeenHeads(found, request);
+    EXPECT_EQ(found.theta, capture.theta);
+    EXPECT_FALSE(found.source.contains("heads"));
+    request.givenHeads = false;
+    takeSeenHeads(found, request);
+    EXPECT_EQ(found.theta[7], capture.theta[7]);
+    EXPECT_EQ(found.trans, capture.trans);
+    EXPECT_NE(found.source.at("heads").find(", as given in 1"), std::string::npos)
+        << found.source.at("heads");
+    double before = 0, after = 0;
+    for (size_t f = 0; f < 7; ++f) {
+        before += off(capture, f) / 7, after += off(found, f) / 7;
+        for (size_t j = 0; j < joint::kCount; ++j) {  // only neck and head move
+            if (j == joint::kNeck || j == joint::kHead) continue;
+            EXPECT_EQ(jointRotation(found.theta[f], j), jointRotation(capture.theta[f], j));
+        }
+    }
+    std::cout << "heads off by " << before << ", then by " << after
+              << " degrees: " << found.source.at("heads") << "\n";
+    EXPECT_GT(before, 25);
+    EXPECT_LT(after, before / 2);
 }
 
 }  // namespace

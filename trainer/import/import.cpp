@@ -13,6 +13,7 @@
 #include "trainer/eval/metrics.h"
 #include "trainer/import/chroma_key.h"
 #include "trainer/import/given_poses.h"
+#include "trainer/import/seen_heads.h"
 
 namespace doppel {
 namespace fs = std::filesystem;
@@ -44,6 +45,7 @@ ImportResult importCapture(const ImportSettings& settings, const DrawBody& drawB
             takeGivenPoses(capture, {request.poses, request.source, request.workspace}, drawBody);
         result.poses = std::move(given.told);
         result.posesFilled = std::move(given.filled);
+        takeSeenHeads(capture, request);
     }
     const size_t frames = capture.size();
     FrameCache cache(capture, size_t{64} << 20);

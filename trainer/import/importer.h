@@ -19,6 +19,7 @@ struct ImportRequest {
     double fps = 30;              // of the recording, where the layout does not say
     bool key = false;             // frames without a mask will get one
     std::filesystem::path poses;  // of another program, in the place of the source's; may be empty
+    bool givenHeads = false;      // heads of given poses stay as they are, see takeSeenHeads
 
     // Of a clip, whose frames and person have to be found first:
     ClipOptions clip;  // frames and fps are those above

@@ -14,6 +14,7 @@
 #include "engine/io/pickle.h"
 #include "trainer/data/frame_selection.h"
 #include "trainer/import/importer.h"
+#include "trainer/import/seen_heads.h"
 
 namespace doppel {
 namespace fs = std::filesystem;
@@ -201,6 +202,7 @@ Capture readRetargeting(const ImportRequest& request) {
     capture.name =
         (absolute.has_filename() ? absolute : absolute.parent_path()).filename().string();
     capture.fps = selectedRate(request.fps, chosen);
+    if (request.poses.empty()) takeSeenHeads(capture, request);
     return capture;
 }
 

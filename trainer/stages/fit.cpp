@@ -9,13 +9,12 @@
 #include "nn/steps/fit_step.h"
 #include "trainer/data/body_render.h"
 #include "trainer/eval/metrics.h"
+#include "trainer/person/heads.h"
 #include "trainer/stages/training_frames.h"
 
 namespace doppel {
 
 namespace {
-
-constexpr double kMostHeadTurn = 1.2;  // radians
 
 // The given poses may be off by more than the method's box allows for.
 constexpr double kFitMargin = 1.2;
@@ -74,30 +73,6 @@ void unwrap(std::vector<Theta>& theta) {
 double mean(const std::vector<double>& values) {
     return std::accumulate(values.begin(), values.end(), 0.0) /
            static_cast<double>(std::max<size_t>(1, values.size()));
-}
-
-// Heads look where they looked before: outlines and joints turn trunks, do not see faces, and would
-// take the head along. The neck takes half of the way back. This is for heads that were found by
-// themselves, as in clips; one that was given on its neck gathers the errors of all joints below.
-void aimHeads(const BodyModel& body, const std::vector<Theta>& given, std::vector<Theta>& theta) {
-    const auto global = [&](const Theta& pose, int number) {
-        glm::dquat turned(1, 0, 0, 0);
-        for (int j = number; j >= 0; j = body.parents[size_t(j)])
-            turned = jointRotation(pose, size_t(j)) * turned;
-        return turned;
-    };
-    for (size_t f = 0; f < theta.size(); ++f) {
-        const glm::dquat neck = global(theta[f], joint::kNeck),
-                         head = global(theta[f], joint::kHead),
-                         wanted = global(given[f], joint::kHead);
-        const glm::dvec3 back = axisAngleOf(wanted * glm::inverse(head));
-        // Beyond that it is the given pose that is not to be believed.
-        if (!(glm::length(back) < kMostHeadTurn)) continue;
-        const glm::dquat turnedNeck = quaternionOf(back / 2.) * neck;
-        setJointRotation(theta[f], joint::kNeck,
-                         jointRotation(theta[f], joint::kNeck) * glm::inverse(neck) * turnedNeck);
-        setJointRotation(theta[f], joint::kHead, glm::inverse(turnedNeck) * wanted);
-    }
 }
 
 }  // namespace
@@ -187,6 +162,8 @@ FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
         std::copy_n(pose + kThetaSize, 3, fitted.trans[f].begin());
     }
     fitted.betas = step.betas();
+    // Outlines and joints turn trunks, do not see faces, and would take the head along. A head that
+    // was given on its neck gathers the errors of all joints below and stays there.
     if (capture.source.contains("heads")) aimHeads(body, capture.theta, fitted.theta);
     result.frameIouAfter = silhouetteIous(device, body, fitted, cache);
     result.iouAfter = mean(result.frameIouAfter);

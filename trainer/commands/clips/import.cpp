@@ -161,6 +161,10 @@ void declareImportFlags(CommandFlags& flags, ImportOptions& o) {
     flags.path("--poses", o.settings.request.poses,
                "Poses of another program to take: 4D-Humans, WHAM, GVHMR, ROMP, VIBE, SPIN, "
                "EasyMocap, AMASS (docs/formats.md)");
+    flags->add_flag(
+        "--given-heads", o.settings.request.givenHeads,
+        "Of poses that another program found: leave their heads, which else look where "
+        "the pictures' faces do, where scripts/setup --models has fetched the networks");
     flags.path("--plate", o.settings.request.plate,
                "Of a clip by a camera that stands still: a picture of the scene without the "
                "person, for sharper masks");
