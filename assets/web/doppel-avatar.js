@@ -12,8 +12,8 @@
 //   controls    "off": no panel
 //   ground      "off": no grid
 //
-// `ready` is a promise for the first picture. play(), pause(), reset(), setJoint(name, [x, y, z]) in
-// degrees, and `time` in seconds do what the panel does.
+// Events: load and error. `ready` is a promise for the first picture. play(), pause(), reset(),
+// setJoint(name, [x, y, z]) in degrees, and `time` in seconds do what the panel does.
 import {
     AnimationMixer, Euler, GridHelper, HemisphereLight, MathUtils, PerspectiveCamera, Quaternion,
     Scene, Spherical, Vector3, WebGLRenderer,
@@ -207,6 +207,7 @@ export class DoppelAvatar extends HTMLElement {
             if (mine !== this.#loading || !this.isConnected) return;
             this.#show(file);
             this.#say('');
+            this.dispatchEvent(new Event('load'));
         } catch (error) {
             if (mine !== this.#loading) return;
             this.#unload();
@@ -329,7 +330,7 @@ export class DoppelAvatar extends HTMLElement {
         const slope = Math.tan(MathUtils.degToRad(camera.fov / 2));
         const tall = (reach.high - reach.low) / 2 / slope;
         const wide = reach.wide / (slope * camera.aspect);
-        const away = new Spherical(distance || Math.max(tall, wide) + reach.wide,
+        const away = new Spherical(distance || Math.max(tall, wide) + reach.wide / 2,
             MathUtils.degToRad(90 - elevation), MathUtils.degToRad(azimuth));
         camera.position.setFromSpherical(away).add(orbit.target);
         orbit.update();
@@ -348,7 +349,7 @@ export class DoppelAvatar extends HTMLElement {
             for (const { bone } of joints) {
                 bone.getWorldPosition(place);
                 reach.low = Math.min(reach.low, place.y - 0.12);
-                reach.high = Math.max(reach.high, place.y + 0.25);
+                reach.high = Math.max(reach.high, place.y + 0.22);
                 reach.wide = Math.max(reach.wide, Math.hypot(place.x - pelvis.x, place.z - pelvis.z) + 0.15);
             }
         }
@@ -408,8 +409,9 @@ export class DoppelAvatar extends HTMLElement {
         });
         this.#part('.play').addEventListener('click', () => this.#isPlaying ? this.pause() : this.play());
         this.#part('.time').addEventListener('input', event => {
+            const { value } = event.target;  // which is told the present time when it pauses
             this.pause();
-            this.time = Number(event.target.value);
+            this.time = Number(value);
         });
         this.#part('.joints').addEventListener('change', () => this.#tellJoint());
         for (const [axis] of AXES)
