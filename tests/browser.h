@@ -97,9 +97,12 @@ public:
         call("Emulation.setDeviceMetricsOverride",
              {{"width", width}, {"height", height}, {"deviceScaleFactor", 1}, {"mobile", false}});
     }
-    void theme(const char* name) {
+    // What the system's settings ask for: "light" or "dark", "no-preference" or "reduce".
+    void theme(const char* colours, const char* motion = "no-preference") {
         call("Emulation.setEmulatedMedia",
-             {{"features", {{{"name", "prefers-color-scheme"}, {"value", name}}}}});
+             {{"features",
+               {{{"name", "prefers-color-scheme"}, {"value", colours}},
+                {{"name", "prefers-reduced-motion"}, {"value", motion}}}}});
     }
     void open(const std::string& address) {
         loaded_ = false;
@@ -126,6 +129,11 @@ public:
     void click(double x, double y) {
         mouse("mousePressed", x, y);
         mouse("mouseReleased", x, y);
+    }
+    void touch(const char* type, double x, double y) {
+        Json points = Json::array();
+        if (std::string_view(type) != "touchEnd") points.push_back({{"x", x}, {"y", y}});
+        call("Input.dispatchTouchEvent", {{"type", type}, {"touchPoints", points}});
     }
     void key(const char* name, int code) {
         for (const char* type : {"rawKeyDown", "keyUp"})

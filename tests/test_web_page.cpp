@@ -227,6 +227,15 @@ Image pictureOf(Browser& browser) {
     return browser.picture();
 }
 
+// A page that never comes to it hangs no test.
+void waitUntil(Browser& browser, const std::string& expression) {
+    for (int tries = 0; tries < 2000; ++tries) {
+        if (browser.value(expression) == true) return;
+        usleep(50000);
+    }
+    FAIL() << "it never was that " << expression;
+}
+
 double share(const Image& image, const std::function<bool(const uint8_t*)>& counts) {
     size_t found = 0;
     for (size_t i = 0; i < image.data.size(); i += 3) found += counts(&image.data[i]);
@@ -258,9 +267,8 @@ TEST_F(WebPage, IsOnePageByADoubleClick) {
     Browser browser(1000, 700);
     // What a folder's index hands on to.
     browser.open("file://" + (options_.web / "index.html").string());
-    while (browser.value("document.readyState + location.pathname.split('/').pop()") !=
-           "completepage.html")
-        usleep(50000);
+    waitUntil(browser,
+              "document.readyState === 'complete' && location.pathname.endsWith('/page.html')");
     waitForPicture(browser);
     EXPECT_EQ(browser.value(std::string(kElement) + ".motions"), nlohmann::json({"turn", "again"}));
     EXPECT_EQ(browser.value(std::string(kElement) + ".joints").size(), 24u);
@@ -299,6 +307,12 @@ TEST_F(WebPage, IsOnePageByADoubleClick) {
     browser.value(part("canvas") + ".focus()");
     for (int i = 0; i < 4; ++i) browser.key("ArrowLeft", 37);
     EXPECT_GT(difference(turned, pictureOf(browser)), .005);
+
+    const Image keyed = pictureOf(browser);
+    browser.touch("touchStart", 300, 300);
+    for (int x = 310; x <= 500; x += 10) browser.touch("touchMove", x, 300);
+    browser.touch("touchEnd", 500, 300);
+    EXPECT_GT(difference(keyed, pictureOf(browser)), .01) << "by a finger";
 
     // The other motion and the T-pose.
     browser.value(part(".time") + ".focus()");
@@ -366,9 +380,15 @@ TEST_F(WebPage, ShowsFromAServerWhatRenderDraws) {
     browser.open(Browser::kServer);
     waitForPicture(browser);
     EXPECT_EQ(browser.value("document.title"), "page");
+    EXPECT_EQ(browser.value(std::string(kElement) + ".playing"), true);
+    browser.theme("light", "reduce");
+    browser.open(Browser::kServer);
+    waitForPicture(browser);
+    EXPECT_EQ(browser.value(std::string(kElement) + ".playing"), false)
+        << "the system asks for less motion";
     EXPECT_EQ(browser.complaints, std::vector<std::string>());
     browser.value(std::string(kElement) + ".setAttribute('src', 'other.glb')");
-    while (browser.value(part(".message") + ".role") != "alert") usleep(50000);
+    waitUntil(browser, part(".message") + ".role === 'alert'");
     EXPECT_EQ(browser.value(part(".message") + ".textContent"),
               "The avatar cannot be shown: other.glb: the server says 404");
 }

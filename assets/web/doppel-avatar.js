@@ -62,7 +62,7 @@ canvas:focus-visible { outline-offset: -3px; }
 </style>
 <div class="all">
   <div class="stage">
-    <canvas tabindex="0" role="img" aria-label="Avatar. Arrow keys turn the view, plus and minus
+    <canvas tabindex="0" role="application" aria-label="Avatar. Arrow keys turn the view, plus and minus
       bring it nearer and further."></canvas>
     <p class="message" role="status">Loading…</p>
   </div>
