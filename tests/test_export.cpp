@@ -419,9 +419,9 @@ TEST(Export, Refusals) {
     EXPECT_NE(messageOf<InputError>([&] { runExport(options); }).find("without --motion"),
               std::string::npos);
     options.frames = "";
-    options.motion = folder / "nothing";
+    options.motions = {folder / "nothing"};
     EXPECT_THROW(runExport(options), InputError);
-    options.motion = "";
+    options.motions.clear();
     options.out = folder / "no" / "a.glb";
     EXPECT_THROW(runExport(options), InputError);
     EXPECT_EQ(folder.names(), (std::vector<std::string>{"bare", "whole"}));
@@ -447,7 +447,7 @@ TEST(Export, LiesApartFromItsInputs) {
          {"av/body.npz", "av/new.json", "cap/poses.npz", "cap/me.obj", "link.npz", "beside.usda"}) {
         ExportOptions options;
         options.avatar = folder / "av";
-        options.motion = folder / "cap";
+        options.motions = {folder / "cap"};
         options.frames = "0:1";
         options.out = folder / out;
         const std::string found = messageOf<InputError>([&] { runExport(options); });

@@ -79,6 +79,21 @@ void requireFinite(const std::filesystem::path& path, const char* what,
     }
 }
 
+void checkAnimation(const std::filesystem::path& path, const GltfScene& scene,
+                    const GltfAnimation& animation) {
+    const size_t keys = animation.times.size();
+    CHECK(keys > 0 && animation.rotations.size() == keys * scene.skeleton.size() * 4 &&
+              animation.translations.size() == keys * 3,
+          "the animation must have rotations and translations for {} keys", keys);
+    requireFinite(path, "animation times", animation.times);
+    requireFinite(path, "animation rotations", animation.rotations);
+    requireFinite(path, "animation translations", animation.translations);
+    for (size_t k = 0; k < keys; ++k) {
+        CHECK(animation.times[k] >= 0 && (k == 0 || animation.times[k] > animation.times[k - 1]),
+              "the animation's times must rise");
+    }
+}
+
 void check(const std::filesystem::path& path, const GltfScene& scene) {
     const size_t count = scene.positions.size() / 3;
     CHECK(count > 0 && scene.positions.size() == count * 3 && scene.normals.size() == count * 3 &&
@@ -111,19 +126,9 @@ void check(const std::filesystem::path& path, const GltfScene& scene) {
               count);
         requireFinite(path, "morph targets", morph.positions);
     }
-    if (!scene.animation) return;
-    const GltfAnimation& animation = *scene.animation;
-    const size_t keys = animation.times.size();
-    CHECK(keys > 0 && animation.rotations.size() == keys * scene.skeleton.size() * 4 &&
-              animation.translations.size() == keys * 3,
-          "the animation must have rotations and translations for {} keys", keys);
-    requireFinite(path, "animation times", animation.times);
-    requireFinite(path, "animation rotations", animation.rotations);
-    requireFinite(path, "animation translations", animation.translations);
-    for (size_t k = 0; k < keys; ++k) {
-        CHECK(animation.times[k] >= 0 && (k == 0 || animation.times[k] > animation.times[k - 1]),
-              "the animation's times must rise");
-    }
+    if (scene.animation) checkAnimation(path, scene, *scene.animation);
+    for (const GltfAnimation& animation : scene.furtherAnimations)
+        checkAnimation(path, scene, animation);
 }
 
 std::vector<float> unitNormals(std::span<const float> normals) {
@@ -291,8 +296,7 @@ void addVrm(tinygltf::Model& model, const GltfVrm& vrm) {
     model.extensionsUsed.push_back("VRMC_vrm");
 }
 
-void addAnimation(tinygltf::Model& model, const GltfScene& scene) {
-    const GltfAnimation& source = *scene.animation;
+void addAnimation(tinygltf::Model& model, const GltfScene& scene, const GltfAnimation& source) {
     const size_t keys = source.times.size(), joints = scene.skeleton.size();
     tinygltf::Animation animation;
     animation.name = source.name;
@@ -403,7 +407,9 @@ void writeGlb(const std::filesystem::path& path, const GltfScene& scene) {
     addMaterial(model, scene);
     addMesh(model, scene);
     addSkeleton(model, scene);
-    if (scene.animation) addAnimation(model, scene);
+    if (scene.animation) addAnimation(model, scene, *scene.animation);
+    for (const GltfAnimation& animation : scene.furtherAnimations)
+        addAnimation(model, scene, animation);
     if (scene.vrm) addVrm(model, *scene.vrm);
     std::ostringstream out;
     tinygltf::TinyGLTF writer;

@@ -1,4 +1,4 @@
-// glTF 2.0 binary files (*.glb): one skinned, textured person with an optional animation, that game
+// glTF 2.0 binary files (*.glb): one skinned, textured person with optional animations, that game
 // engines, Blender and browsers open.
 #pragma once
 
@@ -59,6 +59,7 @@ struct GltfScene {
     bool unlit = true;  // KHR_materials_unlit: the texture holds the light of the capture
     bool doubleSided = false;
     std::optional<GltfAnimation> animation;
+    std::vector<GltfAnimation> furtherAnimations;  // after the first; of glTF only
     std::vector<GltfMorph> morphs;
     // Such a file says that only its author may wear the avatar, and that it may be neither sold,
     // changed nor passed on: it shows a person.

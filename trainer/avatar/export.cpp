@@ -285,15 +285,18 @@ std::vector<float> bindVertices(AvatarRenderer& renderer, const Rig& rig,
 }
 
 // Arms lowered, as people stand: the network has seen that, but nobody in a T-pose. And what the
-// motion shows.
-std::vector<Theta> posesToMatch(const Motion* motion) {
+// motions show.
+std::vector<Theta> posesToMatch(const Motion* motion, std::span<const Motion> further) {
     constexpr size_t kFromMotion = 15;
     std::vector<Theta> poses(1);
     poses[0][3 * kLeftShoulder + 2] = -0.9f;
     poses[0][3 * kRightShoulder + 2] = 0.9f;
-    if (!motion) return poses;
-    size_t step = (motion->size() + kFromMotion - 1) / kFromMotion;
-    for (size_t k = 0; k < motion->size(); k += step) poses.push_back(motion->theta[k]);
+    const auto add = [&](const Motion& shown) {
+        size_t step = (shown.size() + kFromMotion - 1) / kFromMotion;
+        for (size_t k = 0; k < shown.size(); k += step) poses.push_back(shown.theta[k]);
+    };
+    if (motion) add(*motion);
+    for (const Motion& shown : further) add(shown);
     return poses;
 }
 
@@ -356,6 +359,9 @@ GltfScene avatarScene(const Avatar& avatar, std::span<const float> bindVerts, co
         throwInput("the avatar has no texture yet; train stage texture first");
 
     GltfScene scene = skeletonScene(avatar, bindVerts, motion, settings.names);
+    const Rig rig(avatar);
+    for (const Motion& further : settings.furtherMotions)
+        scene.furtherAnimations.push_back(animate(rig, bindVerts, lowest(bindVerts), further));
     const auto sources = fillMesh(scene, bindVerts, areaNormals(bindVerts, body.faces), body.faces,
                                   body.uvs, body.uvFaces, body.weights, BodyModel::kJoints);
     float ground = lowest(bindVerts);
@@ -393,6 +399,9 @@ void requireCarried(const std::filesystem::path& out, const ExportSettings& sett
             throwInput("{}: expected {} for {}, found another", out.string(), where, flag);
     };
     const bool vrm = ending == ".vrm";
+    if (!settings.furtherMotions.empty() && ending != ".glb")
+        throwInput("{}: expected one motion, found {}; .glb and --web take several", out.string(),
+                   settings.furtherMotions.size() + 1);
     require(settings.shapes, "--shapes", vrm || ending == ".glb", ".glb or .vrm");
     require(!settings.author.empty(), "--author", vrm, ".vrm");
     require(!settings.licence.empty(), "--licence", vrm, ".vrm");
@@ -441,7 +450,7 @@ void exportAvatar(Device& device, const Avatar& avatar, const std::filesystem::p
         }
         motion = nullptr;
     } else {
-        verts = bindVertices(renderer, Rig(avatar), posesToMatch(motion));
+        verts = bindVertices(renderer, Rig(avatar), posesToMatch(motion, settings.furtherMotions));
     }
     for (float x : verts)
         if (!std::isfinite(x))

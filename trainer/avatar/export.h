@@ -34,12 +34,13 @@ struct ExportSettings {
     JointNames names = JointNames::Smpl;
     bool shapes = false;          // glTF: a morph target for each shape coefficient
     std::string author, licence;  // of a VRM: who made it, and a licence's address; may be empty
+    std::span<const Motion> furtherMotions;  // glTF: more animations, after the motion's
 };
 
 // bindVerts [V,3]: the avatar's vertices in the T-pose, body frame. The scene has the same axes
 // (metres, y up, facing +z), with the ground, y = 0, under the lowest vertex.
 //
-// A motion becomes an animation at the motion's fps in a world with y up (uprightRotation): what
+// Each motion becomes an animation at the motion's fps in a world with y up (uprightRotation): what
 // faced the camera faces +z, and in the first key the pelvis is above the origin and the lowest
 // vertex on the ground.
 //

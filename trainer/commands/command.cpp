@@ -8,11 +8,22 @@
 
 namespace doppel {
 
+namespace {
+
+std::string notEmpty(const std::string& text) {
+    return text.empty() ? "expected a path, found an empty text" : "";
+}
+
+}  // namespace
+
 CLI::Option* CommandFlags::path(const std::string& name, std::filesystem::path& path,
                                 const std::string& help) {
-    return app_.add_option(name, path, help)->check([](const std::string& text) {
-        return text.empty() ? std::string("expected a path, found an empty text") : std::string();
-    });
+    return app_.add_option(name, path, help)->check(notEmpty);
+}
+
+CLI::Option* CommandFlags::paths(const std::string& name, std::vector<std::filesystem::path>& paths,
+                                 const std::string& help) {
+    return app_.add_option(name, paths, help)->allow_extra_args(false)->check(notEmpty);
 }
 
 void CommandFlags::precision() {

@@ -61,6 +61,9 @@ public:
     // A file or folder; an empty text is refused.
     CLI::Option* path(const std::string& name, std::filesystem::path& path,
                       const std::string& help);
+    // As many as the flag is given.
+    CLI::Option* paths(const std::string& name, std::vector<std::filesystem::path>& paths,
+                       const std::string& help);
     // --precision, of commands that run networks. Comes first.
     void precision();
     // --preset and --set: fill in the options' member `preset`.

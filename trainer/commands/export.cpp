@@ -6,6 +6,7 @@
 
 #include "trainer/avatar/export.h"
 #include "trainer/avatar/formats/model_files.h"
+#include "trainer/avatar/formats/web_page.h"
 #include "trainer/commands/command.h"
 #include "trainer/data/frame_selection.h"
 #include "trainer/data/output_folder.h"
@@ -13,34 +14,51 @@
 namespace doppel {
 
 void runExport(const ExportOptions& options) {
+    const bool isPage = !options.web.empty();
+    const std::filesystem::path& place = isPage ? options.web : options.out;
     // Formats' endings are those of what avatars and captures are made of: poses.npz.
-    requireApart(options.out, {options.avatar, options.motion});
-    for (const auto& companion : companionsOf(options.out))
-        requireApart(companion, {options.avatar, options.motion});
+    std::vector<std::filesystem::path> inputs = options.motions;
+    inputs.push_back(options.avatar);
+    requireApart(place, inputs);
+    for (const auto& companion : companionsOf(options.out)) requireApart(companion, inputs);
+    std::optional<OutputFolder> folder;
+    if (isPage) {
+        requireWebSources();
+        folder.emplace(options.web, "web page");
+    }
+    const std::filesystem::path out = isPage ? folder->folder() / "avatar.glb" : options.out;
     Avatar avatar = readAvatar(options.avatar);
     TextureKind texture = textureKind(options.texture);
     if (texture == TextureKind::Refined)
         throwInput(
             "--texture: expected baked, coarse or best, found refined, which is different for "
             "every view");
-    if (!isMotionFile(options.out)) requireTexture(avatar, texture, options.avatar);
-    std::optional<Motion> motion;
-    if (!options.motion.empty()) {
-        motion = readMotion(options.motion);
-        if (const std::string taken = takenAs(*motion); !taken.empty())
-            fmt::print(stderr, "{}: {}\n", options.motion.string(), taken);
-        motion = motion->subset(selectFrames(options.frames, motion->size()));
-    } else if (!options.frames.empty()) {
+    if (!isMotionFile(out)) requireTexture(avatar, texture, options.avatar);
+    std::vector<Motion> motions;
+    size_t keys = 0;
+    for (const auto& path : options.motions) {
+        const Motion read = readMotion(path);
+        if (const std::string taken = takenAs(read); !taken.empty())
+            fmt::print(stderr, "{}: {}\n", path.string(), taken);
+        motions.push_back(read.subset(selectFrames(options.frames, read.size())));
+        keys += motions.back().size();
+    }
+    const Motion* motion = motions.empty() ? nullptr : &motions.front();
+    if (!motion && !options.frames.empty()) {
         throwInput("--frames: found \"{}\" without --motion; say whose frames they are",
                    options.frames);
     }
     Device device(options.common.deviceOptions());
-    exportAvatar(device, avatar, options.out, motion ? &*motion : nullptr,
-                 {texture, jointNamesByWord(options.names, "--names"), options.shapes,
-                  options.author, options.licence});
+    exportAvatar(
+        device, avatar, out, motion,
+        {texture, jointNamesByWord(options.names, "--names"), options.shapes, options.author,
+         options.licence, std::span<const Motion>(motions).subspan(motion ? 1 : 0)});
+    if (isPage) {
+        writeWebPage(folder->folder(), folder->target().filename().string());
+        folder->commit();
+    }
 
-    size_t keys = motion ? motion->size() : 0;
-    if (isMotionFile(options.out)) {
+    if (isMotionFile(out)) {
         if (options.common.json)
             printJson(nlohmann::ordered_json{{"out", options.out.string()},
                                              {"joints", BodyModel::kJoints},
@@ -52,16 +70,22 @@ void runExport(const ExportOptions& options) {
         return;
     }
     if (options.common.json)
-        printJson(nlohmann::ordered_json{{"out", options.out.string()},
+        printJson(nlohmann::ordered_json{{"out", place.string()},
                                          {"triangles", avatar.body.faceCount},
                                          {"joints", BodyModel::kJoints},
                                          {"texture_size", avatar.textureSize},
                                          {"animation_frames", keys}});
+    else if (motions.size() > 1)
+        fmt::print("{}: {} triangles, {} frames of {} motions\n", place.string(),
+                   avatar.body.faceCount, keys, motions.size());
     else if (motion)
-        fmt::print("{}: {} triangles, {} frames of {}\n", options.out.string(),
-                   avatar.body.faceCount, keys, motion->name);
+        fmt::print("{}: {} triangles, {} frames of {}\n", place.string(), avatar.body.faceCount,
+                   keys, motion->name);
     else
-        fmt::print("{}: {} triangles\n", options.out.string(), avatar.body.faceCount);
+        fmt::print("{}: {} triangles\n", place.string(), avatar.body.faceCount);
+    if (isPage && !options.common.json)
+        fmt::print("open {} in a browser; README.txt beside it says how it goes into other pages\n",
+                   (place / "page.html").string());
 }
 
 namespace {
@@ -69,15 +93,16 @@ namespace {
 void declareFlags(CommandFlags& flags, ExportOptions& o) {
     flags.precision();
     flags.path("AVATAR", o.avatar, "Avatar's folder")->required();
-    flags
-        .path(
-            "--out", o.out,
-            "FILE.glb, .vrm (VRM 1.0), .usda (with FILE.png beside it) or .obj (with FILE.mtl and "
-            "FILE.png); or the motion alone: .bvh, .npz (AMASS's) or .json")
-        ->required();
-    flags.path("--motion", o.motion,
-               "A capture, a poses.npz, BVH, glTF, AMASS or an estimator's poses, which becomes an "
-               "animation");
+    flags.path(
+        "--out", o.out,
+        "FILE.glb, .vrm (VRM 1.0), .usda (with FILE.png beside it) or .obj (with FILE.mtl and "
+        "FILE.png); or the motion alone: .bvh, .npz (AMASS's) or .json");
+    flags.path("--web", o.web,
+               "In the place of --out: a folder that shows the avatar in browsers, page.html by a "
+               "double click, the rest from any web server; with play, orbit and joints");
+    flags.paths("--motion", o.motions,
+                "A capture, a poses.npz, BVH, glTF, AMASS or an estimator's poses, which becomes "
+                "an animation; of .glb and --web several times");
     flags.frames(o.frames, "Frames of the motion");
     flags
         ->add_option("--texture", o.texture,
@@ -89,7 +114,7 @@ void declareFlags(CommandFlags& flags, ExportOptions& o) {
                      "What joints are called, but in .obj and .npz: smpl, vrm, mixamo or unreal")
         ->capture_default_str();
     flags->add_flag("--shapes", o.shapes,
-                    "Of .glb and .vrm: a morph target for each shape coefficient");
+                    "Of .glb, .vrm and --web: a morph target for each shape coefficient");
     flags->add_option("--author", o.author, "Of a .vrm: whose avatar it is");
     flags->add_option("--licence", o.licence,
                       "Of a .vrm: address of a licence; VRM's own says that only the author wears "
@@ -97,12 +122,19 @@ void declareFlags(CommandFlags& flags, ExportOptions& o) {
 }
 
 void checkName(ExportOptions& options) {
-    if (!isExportName(options.out))
+    if (options.web.empty() == options.out.empty())
+        throwInput("--out: expected either --out FILE or --web FOLDER, found {}",
+                   options.web.empty() ? "none" : "both");
+    if (!options.web.empty()) {
+        if (!options.author.empty() || !options.licence.empty())
+            throwInput("{}: expected a .vrm, found --web",
+                       options.author.empty() ? "--licence" : "--author");
+    } else if (!isExportName(options.out))
         throwInput(
             "--out: expected a name that ends in .glb, .vrm, .usda, .obj, .bvh, .npz or .json, "
             "found \"{}\"",
             options.out.string());
-    if (isMotionFile(options.out) && options.motion.empty())
+    if (isMotionFile(options.out) && options.motions.empty())
         throwInput("--motion: expected one for {}, which is a motion's file, found none",
                    options.out.string());
     jointNamesByWord(options.names, "--names");
@@ -112,11 +144,12 @@ const Command<ExportOptions> kExport{{
     .name = "export",
     .place = 80,
     .summary =
-        "Write the avatar for other programs, as glTF, VRM, USD, OBJ; or a motion on its bones",
+        "Write the avatar for other programs, as glTF, VRM, USD, OBJ, for browsers; or a motion "
+        "on its bones",
     .description =
         "Writes a skinned mesh with 24 joints and one texture for all views, and a motion as an\n"
-        "animation: glTF (.glb), VRM 1.0 (.vrm), USD (.usda); or one pose as OBJ. A motion alone,\n"
-        "on the avatar's skeleton, goes to BVH, AMASS's npz or JSON.",
+        "animation: glTF (.glb), VRM 1.0 (.vrm), USD (.usda), pages for browsers (--web); or one\n"
+        "pose as OBJ. A motion alone, on the avatar's skeleton, goes to BVH, AMASS's npz or JSON.",
     .example = "doppel export avatar --out avatar.glb --motion capture",
     .flags = declareFlags,
     .check = checkName,

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "trainer/commands/common_options.h"
 
@@ -10,7 +11,9 @@ namespace doppel {
 
 struct ExportOptions {
     CommonOptions common;
-    std::filesystem::path avatar, out, motion;  // motion may be empty
+    std::filesystem::path avatar;
+    std::filesystem::path out, web;              // a file, or a folder of a page; one of both
+    std::vector<std::filesystem::path> motions;  // several become several animations
     std::string frames;
     std::string texture = "best";  // "baked", "coarse" or "best"
     std::string names = "smpl";    // jointNamesByWord
