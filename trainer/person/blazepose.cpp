@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "engine/error.h"
+#include "engine/files/share.h"
 #include "trainer/person/picture_net.h"
 
 namespace doppel {
@@ -81,7 +82,11 @@ const char* poseNetName(PoseNet net) {
 
 fs::path poseModelFolder() {
     const char* folder = std::getenv("DOPPEL_MODELS");
-    return folder && *folder ? folder : DOPPEL_MODEL_DIR;
+    if (folder && *folder) return folder;
+    if (const fs::path source = sourceFolder(); !source.empty()) return source / "build/models";
+    const fs::path users = userDataFolder() / "models", everyones = shareFolder() / "models";
+    std::error_code error;
+    return fs::exists(users, error) || !fs::exists(everyones, error) ? users : everyones;
 }
 
 bool poseModelsAreThere(PoseNet net, const fs::path& folder) {

@@ -1,0 +1,19 @@
+// Where files are that come with the programs or that their user adds. They are found from where
+// the program itself is, so that a build and an installation can be moved.
+#pragma once
+
+#include <filesystem>
+
+namespace doppel {
+
+// The source from which the program was built, where it is in its build folder; empty where it is
+// installed. CMake leaves a file `doppel-source` beside the programs that it builds.
+std::filesystem::path sourceFolder();
+
+// `share/doppel` of the prefix in which the program is installed.
+std::filesystem::path shareFolder();
+
+// $XDG_DATA_HOME/doppel, else $HOME/.local/share/doppel; empty where neither is set.
+std::filesystem::path userDataFolder();
+
+}  // namespace doppel

@@ -1,0 +1,18 @@
+# What `cmake --install build --prefix PREFIX` copies. The prefix can be moved afterwards.
+
+install(TARGETS doppel doppel-bench RUNTIME)
+install(DIRECTORY assets/body assets/actor DESTINATION ${CMAKE_INSTALL_DATADIR}/doppel)
+install(FILES README.md LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
+install(FILES assets/NOTICE assets/README.md DESTINATION ${CMAKE_INSTALL_DOCDIR}/assets)
+install(DIRECTORY docs DESTINATION ${CMAKE_INSTALL_DOCDIR})
+install(FILES packaging/doppel.desktop DESTINATION ${CMAKE_INSTALL_DATADIR}/applications)
+install(FILES packaging/doppel.svg
+        DESTINATION ${CMAKE_INSTALL_DATADIR}/icons/hicolor/scalable/apps)
+
+# These are in the programs themselves, as headers or static libraries, and want their notices to come
+# along. Debian keeps them with its packages.
+foreach(package libfmt-dev zlib1g-dev libcli11-dev libtomlplusplus-dev nlohmann-json3-dev
+        libtinygltf-dev libeigen3-dev libimgui-dev libflatbuffers-dev libglm-dev libbenchmark-dev)
+    install(FILES /usr/share/doc/${package}/copyright OPTIONAL RENAME ${package}
+            DESTINATION ${CMAKE_INSTALL_DOCDIR}/libraries)
+endforeach()
