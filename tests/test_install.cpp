@@ -1,6 +1,7 @@
 // What `cmake --install` makes: programs that find their files wherever the prefix is moved to, and
 // that know nothing of the machine on which they were built.
 #include "tests/refusals.h"
+#include "trainer/commands/command.h"
 
 namespace doppel {
 namespace {
@@ -45,7 +46,9 @@ TEST_F(Install, HasProgramsAssetsLicencesAndTheDesktopsFiles) {
           "share/doppel/actor/woman.npz", "share/doppel/actor/woman.png",
           "share/doc/doppel/LICENSE", "share/doc/doppel/assets/NOTICE",
           "share/doc/doppel/docs/formats.md", "share/applications/doppel.desktop",
-          "share/icons/hicolor/scalable/apps/doppel.svg"})
+          "share/icons/hicolor/scalable/apps/doppel.svg", "share/man/man1/doppel.1",
+          "share/man/man1/doppel-train.1", "share/bash-completion/completions/doppel",
+          "share/zsh/site-functions/_doppel", "share/fish/vendor_completions.d/doppel.fish"})
         EXPECT_TRUE(fs::exists(prefix() / file)) << file;
 }
 
@@ -83,6 +86,74 @@ TEST_F(Install, SaysWhereNetworksAreLookedFor) {
     EXPECT_TRUE(installed(words).sentence().starts_with("doppel: " + everyones));
     fs::create_directories(users);
     EXPECT_TRUE(installed(words).sentence().starts_with("doppel: " + users));
+}
+
+// ---- manual pages and completions ---------------------------------------------------------------
+
+bool isThere(const std::string& program) {
+    return start({"sh", "-c", "command -v " + program}).status == 0;
+}
+
+// What bash offers after these words, the last of which is being typed.
+std::string completed(const fs::path& script, std::vector<std::string> words) {
+    std::string line =
+        "source \"$0\"; COMP_WORDS=(\"$@\") COMP_CWORD=$(($# - 1)); _doppel; "
+        "echo \"${COMPREPLY[@]}\"";
+    words.insert(words.begin(), {"bash", "-c", line, script.string(), "doppel"});
+    const Outcome outcome = start(words);
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+    EXPECT_EQ(outcome.err, "");
+    return outcome.out;
+}
+
+TEST_F(Install, BashCompletesCommandsFlagsAndWords) {
+    const fs::path script = prefix() / "share/bash-completion/completions/doppel";
+    EXPECT_EQ(completed(script, {"tr"}), "train\n");
+    EXPECT_EQ(completed(script, {"comp"}), "completion\n");
+    EXPECT_EQ(completed(script, {"train", "capture", "--pre"}), "--preset --precision\n");
+    EXPECT_EQ(completed(script, {"train", "capture", "--preset", ""}), "ci small best paper\n");
+    EXPECT_EQ(completed(script, {"train", "capture", "--preset", "=", "s"}), "small\n");
+    EXPECT_EQ(completed(script, {"train", "capture", "--preset", "="}), "ci small best paper\n");
+    EXPECT_EQ(completed(script, {"train", "--no-re"}), "--no-refine\n");
+    EXPECT_EQ(completed(script, {"completion", ""}), "bash zsh fish\n");
+    // A file's name is left to bash, a number to nobody.
+    EXPECT_EQ(completed(script, {"train", "capture", "--out", ""}), "\n");
+    EXPECT_EQ(completed(script, {"train", "capture", "--seed", ""}), "\n");
+}
+
+TEST_F(Install, ZshAndFishReadTheirCompletions) {
+    const std::vector<std::pair<std::string, fs::path>> shells{
+        {"zsh", prefix() / "share/zsh/site-functions/_doppel"},
+        {"fish", prefix() / "share/fish/vendor_completions.d/doppel.fish"}};
+    for (const auto& [shell, script] : shells) {
+        if (!isThere(shell)) {
+            fmt::print("{} is not installed: its completion is not checked\n", shell);
+            continue;
+        }
+        const Outcome outcome = start({shell, "-n", script.string()});
+        EXPECT_EQ(outcome.status, 0) << outcome.err;
+        EXPECT_EQ(outcome.err, "") << shell;
+    }
+    if (!isThere("fish")) return;
+    const Outcome outcome = start(
+        {"fish", "--no-config", "-c", "source $argv[1]; complete -C 'doppel train x --preset s'",
+         (prefix() / "share/fish/vendor_completions.d/doppel.fish").string()});
+    EXPECT_TRUE(outcome.out.starts_with("small\t")) << outcome.out << outcome.err;
+}
+
+TEST_F(Install, ManualPagesAreClean) {
+    const fs::path pages = prefix() / "share/man/man1";
+    for (const CommandEntry& entry : CommandEntry::all())
+        EXPECT_TRUE(fs::exists(pages / ("doppel-" + entry.name + ".1"))) << entry.name;
+    const std::string train = bytesOf(pages / "doppel-train.1");
+    EXPECT_NE(train.find("\\fB\\-\\-preset\\fR"), train.npos) << train;
+    if (!isThere("groff")) GTEST_SKIP() << "groff, which shows manual pages, is not installed";
+    for (const auto& page : fs::directory_iterator(pages)) {
+        const Outcome outcome =
+            start({"groff", "-man", "-Tutf8", "-Kutf8", "-ww", "-z", page.path().string()});
+        EXPECT_EQ(outcome.status, 0) << outcome.err;
+        EXPECT_EQ(outcome.err, "") << page.path();
+    }
 }
 
 }  // namespace

@@ -6,11 +6,13 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "trainer/commands/manual/choices.h"
+
 namespace doppel {
 
 CLI::Option* CommandFlags::path(const std::string& name, std::filesystem::path& path,
                                 const std::string& help) {
-    return app_.add_option(name, path, help)->check([](const std::string& text) {
+    return app_.add_option(name, path, help)->type_name("PATH")->check([](const std::string& text) {
         return text.empty() ? std::string("expected a path, found an empty text") : std::string();
     });
 }
@@ -26,9 +28,9 @@ void CommandFlags::precision() {
 
 void CommandFlags::preset(const char* fallback) {
     preset_ = fallback;
-    app_.add_option("--preset", preset_,
-                    fmt::format("Sizes, steps and rates: {}", fmt::join(presetNames(), ", ")))
-        ->capture_default_str();
+    app_.add_option("--preset", preset_, "Sizes, steps and rates")
+        ->capture_default_str()
+        ->check(showsChoices(presetNames()));
     app_.add_option("--set", set_,
                     "One number of the preset, as NAME=VALUE (mesh.batch=8); may be repeated; "
                     "--help-presets lists them")
@@ -49,7 +51,8 @@ void CommandFlags::body(std::string& body) {
     body = "default";
     app_.add_option("--body", body,
                     "Body model: default, default-full, or SMPL's own .npz or .pkl file")
-        ->capture_default_str();
+        ->capture_default_str()
+        ->type_name("NAME|FILE");
 }
 
 void CommandFlags::frames(std::string& frames, const char* what) {
@@ -63,14 +66,16 @@ void CommandFlags::texture(std::string& texture) {
     app_.add_option("--texture", texture,
                     "coarse, refined (for each view), baked (one for all views), or best: refined "
                     "where the avatar has it")
-        ->capture_default_str();
+        ->capture_default_str()
+        ->check(showsChoices({"coarse", "refined", "baked", "best"}));
 }
 
 void CommandFlags::scene(std::string& scene) {
     app_.add_option("--scene", scene,
                     "frame: the frame's own pixels away from the mask, the median over time on it; "
                     "median: that everywhere; or a picture of the empty scene")
-        ->capture_default_str();
+        ->capture_default_str()
+        ->type_name("NAME|FILE");
 }
 
 void CommandFlags::measures(MeasureOptions& measures) {
@@ -80,7 +85,8 @@ void CommandFlags::measures(MeasureOptions& measures) {
         ->delimiter(',')
         ->type_name("FILE[,FILE]");
     app_.add_option("--lpips-net", measures.lpipsNet, "Their network: alex, vgg or squeeze")
-        ->capture_default_str();
+        ->capture_default_str()
+        ->check(showsChoices({"alex", "vgg", "squeeze"}));
     app_.add_option("--fvd", measures.fvd,
                     "Weights of Inception-3D (RGB, Kinetics) for FVD, .safetensors or .pt")
         ->type_name("FILE");
