@@ -156,5 +156,42 @@ TEST_F(Install, ManualPagesAreClean) {
     }
 }
 
+// ---- Debian's package ---------------------------------------------------------------------------
+
+TEST_F(Install, DebianPackageHoldsAProgramThatRuns) {
+    if (!isThere("dpkg-deb") || !isThere("dpkg-shlibdeps"))
+        GTEST_SKIP() << "dpkg-dev, which makes Debian's packages, is not installed";
+    const fs::path packages = *folder_ / "packages";
+    const Outcome made = start({"cpack", "-G", "DEB", "--config",
+                                (program().parent_path() / "CPackConfig.cmake").string(), "-B",
+                                packages.string(), "-D", "CPACK_DEBIAN_COMPRESSION_TYPE=gzip"});
+    ASSERT_EQ(made.status, 0) << made.out << made.err;
+    fs::path package;
+    for (const auto& entry : fs::directory_iterator(packages))
+        if (entry.path().extension() == ".deb") package = entry.path();
+    ASSERT_FALSE(package.empty()) << made.out;
+    EXPECT_TRUE(package.filename().string().starts_with("doppel_0.1.0_")) << package;
+
+    const Outcome info = start({"dpkg-deb", "--info", package.string()});
+    EXPECT_NE(info.out.find("Package: doppel"), std::string::npos) << info.out;
+    const std::string depends =
+        info.out.substr(std::min(info.out.find("Depends: "), info.out.size()));
+    for (const char* library : {"libc6 (>=", "libvulkan1", "libavcodec", "libglfw3"})
+        EXPECT_NE(depends.find(library), std::string::npos) << library << " in " << info.out;
+    const Outcome contents = start({"dpkg-deb", "--contents", package.string()});
+    for (const char* file :
+         {" ./usr/bin/doppel\n", " ./usr/bin/doppel-bench\n",
+          " ./usr/share/doppel/body/default.npz\n", " ./usr/share/doc/doppel/copyright\n",
+          " ./usr/share/man/man1/doppel-train.1.gz\n",
+          " ./usr/share/zsh/vendor-completions/_doppel\n"})
+        EXPECT_NE(contents.out.find(file), std::string::npos) << file << " in " << contents.out;
+
+    const fs::path root = *folder_ / "root";
+    ASSERT_EQ(start({"dpkg-deb", "--extract", package.string(), root.string()}).status, 0);
+    const Outcome help =
+        start({"env", "-u", "DOPPEL_ASSETS", (root / "usr/bin/doppel").string(), "demo", "--help"});
+    EXPECT_NE(help.out.find("{long-hair,man,skirt,woman}"), std::string::npos) << help.out;
+}
+
 }  // namespace
 }  // namespace doppel
