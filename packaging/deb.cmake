@@ -12,6 +12,7 @@ differentiable rendering, and writes an avatar that takes new poses and opens
 in other programs as glTF, VRM or USD. All of it runs in Vulkan compute
 shaders, on a GPU or on Mesa's software driver.")
 set(CPACK_STRIP_FILES ON)
+set(CPACK_INSTALL_CMAKE_PROJECTS "${CMAKE_BINARY_DIR};doppel;programs;/")
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SECTION graphics)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)

@@ -13,8 +13,9 @@ class Install : public ::testing::Test {
 protected:
     static void SetUpTestSuite() {
         folder_ = std::make_unique<Folder>();
-        const Outcome outcome = start({"cmake", "--install", program().parent_path().string(),
-                                       "--strip", "--prefix", (*folder_ / "first").string()});
+        const Outcome outcome =
+            start({"cmake", "--install", program().parent_path().string(), "--strip", "--component",
+                   "programs", "--prefix", (*folder_ / "first").string()});
         ASSERT_EQ(outcome.status, 0) << outcome.err;
         fs::rename(*folder_ / "first", prefix());
     }
