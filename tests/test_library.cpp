@@ -10,6 +10,9 @@ using namespace test;
 class Library : public Refusals {};
 
 TEST_F(Library, AnotherProgramFindsItAndDrawsAnAvatar) {
+#ifdef __SANITIZE_ADDRESS__
+    GTEST_SKIP() << "a library with AddressSanitizer asks the programs that take it to have it";
+#endif
     const fs::path prefix = *this / "prefix", build = *this / "example";
     const auto run = [](const std::vector<std::string>& words) {
         const Outcome outcome = start(words);
