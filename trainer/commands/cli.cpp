@@ -160,16 +160,14 @@ struct CommandLine {
     CommandLine() {
         app.require_subcommand(1);
         app.set_version_flag("--version", std::string("doppel ") + kVersion);
-        app.footer(
-            "From a clip to an avatar that dances somebody else's motion:\n"
-            "  doppel avatar clip.mp4 --out me\n"
-            "  doppel render me/avatar --motion other-capture --out dance.mp4\n"
-            "The first of them step by step (train fits the body to the masks first):\n"
-            "  doppel import SRC --out capture\n"
-            "  doppel train capture --out avatar --preset small\n"
-            "\n`doppel COMMAND --help` tells more. Exit status: 0 done, 1 it failed, 2 the input "
-            "or\n"
-            "the flags are wrong, 130, 143 or 129 stopped by Ctrl-C, SIGTERM or SIGHUP.");
+        std::string footer;
+        for (const auto& [what, lines] : exampleTexts()) {
+            footer += fmt::format("{}\n  ", what);
+            for (const char* c = lines; *c; ++c) footer += *c == '\n' ? "\n  " : std::string(1, *c);
+            footer += "\n";
+        }
+        app.footer(fmt::format("{}\n`doppel COMMAND --help` tells more. Exit status: {}", footer,
+                               exitStatusText()));
         // Options are bound to where they are: in a map's nodes, which stay.
         for (const CommandEntry& entry : CommandEntry::all())
             commands.try_emplace(entry.name, app, entry);
@@ -195,6 +193,22 @@ int statusOf(const std::function<void()>& run, std::ostream& err) {
 }
 
 }  // namespace
+
+void withCommandLine(const std::function<void(const CLI::App&)>& use) { use(CommandLine().app); }
+
+std::vector<ExampleText> exampleTexts() {
+    return {{"From a clip to an avatar that dances somebody else's motion:",
+             "doppel avatar clip.mp4 --out me\n"
+             "doppel render me/avatar --motion other-capture --out dance.mp4"},
+            {"The first of them step by step (train fits the body to the masks first):",
+             "doppel import SRC --out capture\n"
+             "doppel train capture --out avatar --preset small"}};
+}
+
+const char* exitStatusText() {
+    return "0 done, 1 it failed, 2 the input or\n"
+           "the flags are wrong, 130, 143 or 129 stopped by Ctrl-C, SIGTERM or SIGHUP.";
+}
 
 int runCommandLine(const std::vector<std::string>& arguments, std::ostream& out, std::ostream& err,
                    const std::function<void(const ParsedCommand&)>& run) {

@@ -25,4 +25,13 @@ int runCommandLine(
         command.run();
     });
 
+// For what is written of the commands elsewhere: all their flags, declared and never parsed.
+void withCommandLine(const std::function<void(const CLI::App& app)>& use);
+// What a few command lines do, and they, a line each.
+struct ExampleText {
+    const char *what, *lines;
+};
+std::vector<ExampleText> exampleTexts();
+const char* exitStatusText();
+
 }  // namespace doppel

@@ -6,6 +6,8 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "trainer/commands/manual/choices.h"
+
 namespace doppel {
 
 namespace {
@@ -18,12 +20,15 @@ std::string notEmpty(const std::string& text) {
 
 CLI::Option* CommandFlags::path(const std::string& name, std::filesystem::path& path,
                                 const std::string& help) {
-    return app_.add_option(name, path, help)->check(notEmpty);
+    return app_.add_option(name, path, help)->type_name("PATH")->check(notEmpty);
 }
 
 CLI::Option* CommandFlags::paths(const std::string& name, std::vector<std::filesystem::path>& paths,
                                  const std::string& help) {
-    return app_.add_option(name, paths, help)->allow_extra_args(false)->check(notEmpty);
+    return app_.add_option(name, paths, help)
+        ->type_name("PATH")
+        ->allow_extra_args(false)
+        ->check(notEmpty);
 }
 
 void CommandFlags::precision() {
@@ -37,9 +42,9 @@ void CommandFlags::precision() {
 
 void CommandFlags::preset(const char* fallback) {
     preset_ = fallback;
-    app_.add_option("--preset", preset_,
-                    fmt::format("Sizes, steps and rates: {}", fmt::join(presetNames(), ", ")))
-        ->capture_default_str();
+    app_.add_option("--preset", preset_, "Sizes, steps and rates")
+        ->capture_default_str()
+        ->check(showsChoices(presetNames()));
     app_.add_option("--set", set_,
                     "One number of the preset, as NAME=VALUE (mesh.batch=8); may be repeated; "
                     "--help-presets lists them")
@@ -60,7 +65,8 @@ void CommandFlags::body(std::string& body) {
     body = "default";
     app_.add_option("--body", body,
                     "Body model: default, default-full, or SMPL's own .npz or .pkl file")
-        ->capture_default_str();
+        ->capture_default_str()
+        ->type_name("NAME|FILE");
 }
 
 void CommandFlags::frames(std::string& frames, const char* what) {
@@ -74,14 +80,16 @@ void CommandFlags::texture(std::string& texture) {
     app_.add_option("--texture", texture,
                     "coarse, refined (for each view), baked (one for all views), or best: refined "
                     "where the avatar has it")
-        ->capture_default_str();
+        ->capture_default_str()
+        ->check(showsChoices({"coarse", "refined", "baked", "best"}));
 }
 
 void CommandFlags::scene(std::string& scene) {
     app_.add_option("--scene", scene,
                     "frame: the frame's own pixels away from the mask, the median over time on it; "
                     "median: that everywhere; or a picture of the empty scene")
-        ->capture_default_str();
+        ->capture_default_str()
+        ->type_name("NAME|FILE");
 }
 
 void CommandFlags::measures(MeasureOptions& measures) {
@@ -91,7 +99,8 @@ void CommandFlags::measures(MeasureOptions& measures) {
         ->delimiter(',')
         ->type_name("FILE[,FILE]");
     app_.add_option("--lpips-net", measures.lpipsNet, "Their network: alex, vgg or squeeze")
-        ->capture_default_str();
+        ->capture_default_str()
+        ->check(showsChoices({"alex", "vgg", "squeeze"}));
     app_.add_option("--fvd", measures.fvd,
                     "Weights of Inception-3D (RGB, Kinetics) for FVD, .safetensors or .pt")
         ->type_name("FILE");

@@ -5,6 +5,7 @@
 #include "engine/device.h"
 #include "engine/device_match.h"
 #include "engine/error.h"
+#include "engine/files/share.h"
 #include "trainer/commands/command.h"
 
 namespace doppel {
@@ -39,7 +40,9 @@ void runDevices(const DevicesOptions& options) {
     if (devices.empty()) {
         if (options.common.json)
             printJson(nlohmann::ordered_json{{"devices", nlohmann::ordered_json::array()}});
-        throwMachine("no Vulkan device; `. build/env.sh` brings lavapipe, the software one");
+        throwMachine("no Vulkan device; {} lavapipe, the software one",
+                     sourceFolder().empty() ? "Debian's mesa-vulkan-drivers has those of GPUs and"
+                                            : "`. build/env.sh` brings");
     }
     std::string names;
     for (const DeviceInfo& info : devices)

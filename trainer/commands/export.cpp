@@ -8,6 +8,7 @@
 #include "trainer/avatar/formats/model_files.h"
 #include "trainer/avatar/formats/web_page.h"
 #include "trainer/commands/command.h"
+#include "trainer/commands/manual/choices.h"
 #include "trainer/data/frame_selection.h"
 #include "trainer/data/output_folder.h"
 
@@ -108,11 +109,11 @@ void declareFlags(CommandFlags& flags, ExportOptions& o) {
         ->add_option("--texture", o.texture,
                      "baked (the refined textures of many views in one), coarse, or best: baked "
                      "where there is one")
-        ->capture_default_str();
-    flags
-        ->add_option("--names", o.names,
-                     "What joints are called, but in .obj and .npz: smpl, vrm, mixamo or unreal")
-        ->capture_default_str();
+        ->capture_default_str()
+        ->check(showsChoices({"baked", "coarse", "best"}));
+    flags->add_option("--names", o.names, "What joints are called, but in .obj and .npz")
+        ->capture_default_str()
+        ->check(showsChoices({"smpl", "vrm", "mixamo", "unreal"}));
     flags->add_flag("--shapes", o.shapes,
                     "Of .glb, .vrm and --web: a morph target for each shape coefficient");
     flags->add_option("--author", o.author, "Of a .vrm: whose avatar it is");

@@ -7,6 +7,7 @@
 #include <glm/gtc/quaternion.hpp>
 
 #include "engine/files/npz.h"
+#include "engine/files/share.h"
 #include "engine/io/image.h"
 #include "trainer/data/body_render.h"
 #include "trainer/data/capture_writer.h"
@@ -51,7 +52,8 @@ std::array<float, 3> studioColour(double u, double v) {
 
 std::filesystem::path assetFolder() {
     if (const char* set = std::getenv("DOPPEL_ASSETS")) return set;
-    return DOPPEL_ASSET_DIR;
+    const std::filesystem::path source = sourceFolder();
+    return source.empty() ? shareFolder() : source / "assets";
 }
 
 Camera syntheticCamera(int size) {

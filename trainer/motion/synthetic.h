@@ -37,7 +37,8 @@ struct SyntheticOptions {
 Capture renderActor(Device& device, const Actor& actor, const std::vector<MotionFrame>& motion,
                     const std::filesystem::path& out, const SyntheticOptions& options);
 
-// Where the bodies and actors that come with the program are: DOPPEL_ASSETS, or the source's.
+// Where the bodies and actors that come with the program are: DOPPEL_ASSETS, else `assets` of the
+// source or, for an installed program, share/doppel.
 std::filesystem::path assetFolder();
 
 // The distance at which actorSession() fills the picture of syntheticCamera().

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "engine/error.h"
+#include "engine/files/share.h"
 #include "trainer/person/picture_net.h"
 
 namespace doppel {
@@ -81,7 +82,7 @@ const char* poseNetName(PoseNet net) {
 
 fs::path poseModelFolder() {
     const char* folder = std::getenv("DOPPEL_MODELS");
-    return folder && *folder ? folder : DOPPEL_MODEL_DIR;
+    return folder && *folder ? folder : fetchedFolder("models");
 }
 
 bool poseModelsAreThere(PoseNet net, const fs::path& folder) {

@@ -88,8 +88,8 @@ enum class PoseNet : uint8_t { Lite, Full, Heavy };
 PoseNet poseNetByName(std::string_view name, std::string_view where);
 const char* poseNetName(PoseNet net);
 
-// The folder of the networks: DOPPEL_MODELS, or build/models of the source from which the program
-// was built.
+// The folder of the networks: DOPPEL_MODELS, else build/models of the source or, for an installed
+// program, `models` of the user's data folder or of share/doppel, whichever is there.
 std::filesystem::path poseModelFolder();
 // Whether this network and the detector are there.
 bool poseModelsAreThere(PoseNet net, const std::filesystem::path& folder = poseModelFolder());

@@ -1,6 +1,7 @@
 #include "trainer/person/picture_net.h"
 
 #include "engine/error.h"
+#include "engine/files/share.h"
 #include "nn/nets/tflite_net.h"
 
 namespace doppel {
@@ -9,10 +10,16 @@ namespace fs = std::filesystem;
 void requireNetwork(const fs::path& file) {
     std::error_code error;
     if (fs::exists(file, error)) return;
+    if (!sourceFolder().empty())
+        throwInput(
+            "{}: expected a network that finds people, found nothing; run scripts/setup --models, "
+            "which fetches it, or set DOPPEL_MODELS to its folder",
+            file.string());
     throwInput(
-        "{}: expected a network that finds people, found nothing; run scripts/setup --models, "
-        "which fetches it, or set DOPPEL_MODELS to its folder",
-        file.string());
+        "{}: expected a network that finds people, found nothing; scripts/setup --models in "
+        "Doppel's source fetches it into build/models: copy that folder to {} or {}, or set "
+        "DOPPEL_MODELS to it",
+        file.string(), (userDataFolder() / "models").string(), (shareFolder() / "models").string());
 }
 
 PictureNet::PictureNet(Device& device, const fs::path& file, int side,

@@ -10,6 +10,7 @@
 
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
+#include "engine/files/share.h"
 #include "trainer/motion/synthetic.h"
 
 namespace doppel {
@@ -51,7 +52,7 @@ const Module& imported(std::string_view address) {
 
 fs::path webFolder() {
     const char* folder = std::getenv("DOPPEL_WEB");
-    return folder && *folder ? folder : DOPPEL_WEB_DIR;
+    return folder && *folder ? folder : fetchedFolder("web");
 }
 
 constexpr const char* kLicence = "LICENSE";

@@ -10,6 +10,7 @@
 #include "engine/io/image.h"
 #include "trainer/avatar/avatar.h"
 #include "trainer/commands/command.h"
+#include "trainer/commands/manual/choices.h"
 #include "trainer/data/body_render.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"
@@ -138,9 +139,9 @@ void declareImportFlags(CommandFlags& flags, ImportOptions& o) {
         ->check(CLI::Range(64, kMaxImageSide));
     flags->add_flag("--keep-similar", clip.keepSimilar,
                     "Of a clip: keep duplicates and blurred frames");
-    flags
-        ->add_option("--pose", o.net, "Of a clip: network that finds the person: lite, full, heavy")
-        ->capture_default_str();
+    flags->add_option("--pose", o.net, "Of a clip: network that finds the person")
+        ->capture_default_str()
+        ->check(showsChoices({"lite", "full", "heavy"}));
     flags
         ->add_option("--person", o.settings.request.person,
                      "Of a clip: which of the people in the first frame, from left to right; 0: "
