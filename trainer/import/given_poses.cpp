@@ -486,6 +486,7 @@ GivenPoses takeGivenPoses(Capture& capture, const GivenPosesRequest& request,
 
     GivenPoses given;
     given.told = estimates.program;
+    given.measured = estimates.measured;
     if (estimates.people.size() > 1) {
         std::string names;
         for (const size_t person : people)

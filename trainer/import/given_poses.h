@@ -21,8 +21,9 @@ struct GivenPosesRequest {
 
 // What was found in the file, for people to read.
 struct GivenPoses {
-    std::string told;    // "VIBE, person 2 of 3 people, boxes as they are"
-    std::string filled;  // "4 between their neighbours, frames left out, …: 2"; empty: nothing
+    std::string told;       // "VIBE, person 2 of 3 people, boxes as they are"
+    std::string filled;     // "4 between their neighbours, frames left out, …: 2"; empty: nothing
+    bool measured = false;  // Estimates::measured
 };
 
 // Puts the poses and cameras of a file into the capture, whose frames they are matched to by the

@@ -45,7 +45,7 @@ ImportResult importCapture(const ImportSettings& settings, const DrawBody& drawB
             takeGivenPoses(capture, {request.poses, request.source, request.workspace}, drawBody);
         result.poses = std::move(given.told);
         result.posesFilled = std::move(given.filled);
-        takeSeenHeads(capture, request);
+        if (!given.measured) takeSeenHeads(capture, request);
     }
     const size_t frames = capture.size();
     FrameCache cache(capture, size_t{64} << 20);

@@ -164,8 +164,8 @@ void declareImportFlags(CommandFlags& flags, ImportOptions& o) {
                "EasyMocap, AMASS (docs/formats.md)");
     flags->add_flag(
         "--given-heads", o.settings.request.givenHeads,
-        "Of poses that another program found: leave their heads, which else look where "
-        "the pictures' faces do, where scripts/setup --models has fetched the networks");
+        "Of poses that another program found in pictures: leave their heads, which else look "
+        "where faces do, where scripts/setup --models has fetched the networks");
     flags.path("--plate", o.settings.request.plate,
                "Of a clip by a camera that stands still: a picture of the scene without the "
                "person, for sharper masks");

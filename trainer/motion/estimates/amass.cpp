@@ -100,6 +100,7 @@ void readAmass(EstimateSource& source, Estimates& estimates) {
 const EstimateFormat kAmass{{
     .program = "AMASS",
     .looks = "AMASS's npz (poses, trans)",
+    .measured = true,
     .recognises =
         [](const EstimateSource& source) {
             if (source.pickle)

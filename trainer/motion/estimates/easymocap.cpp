@@ -274,6 +274,7 @@ void readEasyMocap(EstimateSource& source, Estimates& estimates) {
 const EstimateFormat kEasyMocap{{
     .program = "EasyMocap",
     .looks = "a folder of EasyMocap's JSON (000000.json, …)",
+    .measured = true,
     .recognises =
         [](const EstimateSource& source) {
             if (!source.folder) return false;

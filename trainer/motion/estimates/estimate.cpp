@@ -103,6 +103,7 @@ std::optional<Estimates> findEstimates(const fs::path& path) {
     Estimates estimates;
     estimates.source = path;
     estimates.program = format->program;
+    estimates.measured = format->measured;
     format->read(source, estimates);
     // In the order of the clip's pictures; of two poses for one picture the first one counts.
     for (EstimatedPerson& person : estimates.people) {

@@ -79,7 +79,8 @@ struct EstimatedPerson {
 
 struct Estimates {
     std::filesystem::path source;
-    std::string program;  // "VIBE"
+    std::string program;    // "VIBE"
+    bool measured = false;  // see EstimateFormat
     // What each of a pose's views takes the file to mean, the most likely one first: "boxes as they
     // are". One at least; its text is empty where there is only one way to read the file.
     std::vector<std::string> readings;
@@ -125,6 +126,8 @@ public:
     struct Declaration {
         const char* program;  // "VIBE"
         const char* looks;    // for the error that lists what is known: "VIBE's vibe_output.pkl"
+        // By markers or several cameras, so that heads are better known than one picture tells.
+        bool measured = false;
         // By content; no two formats recognise the same source.
         bool (*recognises)(const EstimateSource& source);
         // Fills people and readings.
