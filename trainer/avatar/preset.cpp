@@ -176,21 +176,21 @@ Preset presetByName(std::string_view name) {
         preset.mesh.layers = 3;
         preset.mesh.hidden = 32;
         preset.mesh.deviation = .03;
-        preset.mesh.steps = 100;
+        preset.mesh.steps = 60;
         preset.texture.size = 256;
         preset.texture.textureSize = 512;  // texels of half a pixel,
         preset.texture.block = 2;          // painted at the cost of whole ones
         preset.texture.depth = 8;
         preset.texture.width = 12;
         preset.texture.dropout = 0;
-        preset.texture.steps = 80;
+        preset.texture.steps = 50;
         preset.refine.size = 256;
         preset.refine.depth = 8;
         preset.refine.width = 12;
         preset.refine.discriminatorWidth = 8;
         preset.refine.faceSize = 40;
         preset.refine.dropout = 0;
-        preset.refine.steps = 120;
+        preset.refine.steps = 70;
         return preset;
     }
     throwInput("--preset: expected one of {}, found \"{}\"", fmt::join(presetNames(), ", "), name);
