@@ -145,6 +145,18 @@ TEST_F(Refusals, FilesCutShort) {
     }
 }
 
+// What is left is a file that can be read, and its missing numbers would be the paper's.
+TEST_F(Refusals, AnAvatarCutAtALinesEnd) {
+    const fs::path file = *this / "avatar/avatar.toml";
+    std::string bytes = bytesOf(file);
+    for (int lines : {6, 30}) {  // a section without entries may be the last
+        for (int i = 0; i < lines; ++i) bytes.resize(bytes.rfind('\n', bytes.size() - 2) + 1);
+        write(file, bytes);
+        for (const auto& words : {render(at("results/r")), train(at("avatar"), "texture")})
+            refuses(words, "avatar.toml: expected ", 2);
+    }
+}
+
 TEST_F(Refusals, PosesBeyondAllBounds) {
     Npz poses = readNpz(*this / "capture/poses.npz");
     std::vector<float> transl = poses.at("transl").toF32();

@@ -83,6 +83,14 @@ std::vector<uint8_t> readSeen(const fs::path& path, int size) {
     return image.data;
 }
 
+// Values in a table and the tables in it.
+int64_t entriesOf(const toml::table& table) {
+    int64_t entries = 0;
+    for (const auto& [key, value] : table)
+        entries += value.is_table() ? entriesOf(*value.as_table()) : 1;
+    return entries;
+}
+
 toml::table parseToml(const fs::path& path) {
     std::vector<uint8_t> bytes = readWholeFile(path, uint64_t{1} << 20);
     std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
@@ -161,6 +169,8 @@ void writeAvatar(const fs::path& folder, const Avatar& avatar) {
                       {"source", source},
                       {"numbers", preset},
                       {"trained", trained}};
+    // A file that is cut at a line's end is TOML as well.
+    table.insert("entries", entriesOf(table));
     std::ostringstream text;
     text << table << "\n";
     AtomicFile file(folder / "avatar.toml");
@@ -174,6 +184,11 @@ Avatar readAvatar(const fs::path& folder) {
                    folder.string());
     fs::path path = folder / "avatar.toml";
     toml::table table = parseToml(path);
+    // Older programs wrote no such number.
+    const auto entries = table["entries"].value<int64_t>();
+    if (const int64_t found = entriesOf(table) - 1; entries && found < *entries)
+        throwInput("{}: expected {} entries, as it says of itself, found {}; it was cut short",
+                   path.string(), *entries, found);
     Avatar avatar;
     avatar.bodyArrays = readNpz(folder / "body.npz");
     avatar.body = bodyFromNpz(avatar.bodyArrays);
