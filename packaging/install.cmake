@@ -1,7 +1,7 @@
 # What `cmake --install build --prefix PREFIX` copies. The prefix can be moved afterwards.
 
 install(TARGETS doppel doppel-bench RUNTIME)
-install(DIRECTORY assets/body assets/actor assets/web DESTINATION ${CMAKE_INSTALL_DATADIR}/doppel)
+install(DIRECTORY assets/body assets/actor assets/pages DESTINATION ${CMAKE_INSTALL_DATADIR}/doppel)
 # three.js for pages, where set-up has fetched it.
 install(DIRECTORY build/web DESTINATION ${CMAKE_INSTALL_DATADIR}/doppel OPTIONAL)
 install(FILES README.md LICENSE packaging/copyright DESTINATION ${CMAKE_INSTALL_DOCDIR})

@@ -38,6 +38,9 @@ TEST_F(Refusals, OutputsOverInputs) {
     refuses(exporting(at("out.glb")), "expected a place apart from the input", 2);
     for (const char* out : {"capture/poses.npz", "avatar/body.npz", "avatar/me.glb"})
         refuses(exporting(at(out)), "a place inside the input", 2);
+    refuses({"export", at("avatar"), "--motion", at("capture/poses.npz"), "--out",
+             at("capture/cameras.npz")},
+            "a place inside the input", 2);
     fs::create_symlink(*this / "avatar/texture.png", *this / "out.mp4");
     refuses(render(at("out.mp4")), "expected a file apart from the input", 2);
 }

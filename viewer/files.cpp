@@ -7,6 +7,7 @@
 
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
+#include "engine/files/ending.h"
 #include "trainer/avatar/rendering.h"
 #include "trainer/data/frame_selection.h"
 #include "trainer/data/output_folder.h"
@@ -21,13 +22,6 @@ namespace {
 constexpr double kGestureSeconds = 2;   // between two writings of the session while a limb moves
 constexpr double kRestPerWriting = 20;  // times as long as a writing takes nothing is written
 constexpr double kRetrySeconds = 5;     // after a writing that failed
-
-std::string lower(std::string text) {
-    std::ranges::transform(text, text.begin(), [](char c) {
-        return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c;
-    });
-    return text;
-}
 
 std::string absolutePath(const fs::path& path) {
     std::error_code error;
@@ -135,7 +129,7 @@ void Viewer::pastePose(const fs::path& path) {
 
 void Viewer::openFile(const fs::path& path) {
     if (film_) throwInput("{}: a film is being drawn; Escape gives it up", path.string());
-    const std::string extension = lower(path.extension().string());
+    const std::string extension = endingOf(path);
     if (extension == ".json")
         pastePose(path);
     else if (isMotion(path))
@@ -201,7 +195,7 @@ void Viewer::save() {
 
 void Viewer::saveAs(const fs::path& path) {
     fs::path out = path;
-    if (lower(out.extension().string()) != ".npz") out += ".npz";
+    if (endingOf(out) != ".npz") out += ".npz";
     const SavedFile file = savedFile();
     if (!isTaken(out) || (absolutePath(out) == file.path && timeOf(out) == file.time))
         savePoses(out);

@@ -1,8 +1,9 @@
 #include "engine/files/share.h"
 
+#include <fmt/format.h>
+
 #include <cstdlib>
 #include <fstream>
-#include <string>
 
 namespace doppel {
 namespace fs = std::filesystem;
@@ -32,6 +33,16 @@ fs::path fetchedFolder(const char* name) {
     const fs::path users = userDataFolder() / name, everyones = shareFolder() / name;
     std::error_code error;
     return fs::exists(users, error) || !fs::exists(everyones, error) ? users : everyones;
+}
+
+std::string fetchAdvice(const char* name, const char* variable) {
+    if (!sourceFolder().empty())
+        return fmt::format("run scripts/setup --{}, which fetches it, or set {} to its folder",
+                           name, variable);
+    return fmt::format(
+        "scripts/setup --{0} in Doppel's source fetches it into build/{0}: copy that folder to {1} "
+        "or {2}, or set {3} to it",
+        name, (userDataFolder() / name).string(), (shareFolder() / name).string(), variable);
 }
 
 fs::path userDataFolder() {

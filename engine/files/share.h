@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 
 namespace doppel {
 
@@ -13,9 +14,13 @@ std::filesystem::path sourceFolder();
 // `share/doppel` of the prefix in which the program is installed.
 std::filesystem::path shareFolder();
 
-// The folder of what set-up fetches under this name: build/NAME of the source; of an installed program
-// NAME in the user's data folder or, where only that is there, in shareFolder().
+// The folder of what set-up fetches under this name: build/NAME of the source; of an installed
+// program NAME in the user's data folder or, where only that is there, in shareFolder().
 std::filesystem::path fetchedFolder(const char* name);
+
+// What to do where such a folder lacks something: run scripts/setup --NAME, copy what that fetches
+// to where an installed program looks, or name the folder by an environment variable.
+std::string fetchAdvice(const char* name, const char* variable);
 
 // $XDG_DATA_HOME/doppel, else $HOME/.local/share/doppel; empty where neither is set.
 std::filesystem::path userDataFolder();

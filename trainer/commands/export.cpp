@@ -20,6 +20,11 @@ void runExport(const ExportOptions& options) {
     // Formats' endings are those of what avatars and captures are made of: poses.npz.
     std::vector<std::filesystem::path> inputs = options.motions;
     inputs.push_back(options.avatar);
+    for (const auto& motion : options.motions) {  // a file of a capture's stands for the capture
+        const auto folder = std::filesystem::absolute(motion).parent_path();
+        std::error_code error;
+        if (std::filesystem::exists(folder / "cameras.npz", error)) inputs.push_back(folder);
+    }
     requireApart(place, inputs);
     for (const auto& companion : companionsOf(options.out)) requireApart(companion, inputs);
     std::optional<OutputFolder> folder;

@@ -10,16 +10,8 @@ namespace fs = std::filesystem;
 void requireNetwork(const fs::path& file) {
     std::error_code error;
     if (fs::exists(file, error)) return;
-    if (!sourceFolder().empty())
-        throwInput(
-            "{}: expected a network that finds people, found nothing; run scripts/setup --models, "
-            "which fetches it, or set DOPPEL_MODELS to its folder",
-            file.string());
-    throwInput(
-        "{}: expected a network that finds people, found nothing; scripts/setup --models in "
-        "Doppel's source fetches it into build/models: copy that folder to {} or {}, or set "
-        "DOPPEL_MODELS to it",
-        file.string(), (userDataFolder() / "models").string(), (shareFolder() / "models").string());
+    throwInput("{}: expected a network that finds people, found nothing; {}", file.string(),
+               fetchAdvice("models", "DOPPEL_MODELS"));
 }
 
 PictureNet::PictureNet(Device& device, const fs::path& file, int side,

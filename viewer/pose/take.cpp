@@ -1,12 +1,11 @@
 #include "viewer/pose/take.h"
 
-#include <strings.h>
-
 #include <algorithm>
 #include <cmath>
 #include <string>
 
 #include "engine/error.h"
+#include "engine/files/ending.h"
 #include "engine/files/npz.h"
 
 namespace doppel {
@@ -179,8 +178,7 @@ void writeTake(const fs::path& out, const Take& take, double fps) {
 
 std::optional<Take> readTake(const fs::path& file) {
     std::error_code error;
-    if (fs::is_directory(file, error) || strcasecmp(file.extension().c_str(), ".npz") != 0)
-        return std::nullopt;
+    if (fs::is_directory(file, error) || endingOf(file) != ".npz") return std::nullopt;
     const Npz arrays = readNpz(file);
     if (!arrays.has("key_times")) return std::nullopt;
     Motion rows = readMotion(file);

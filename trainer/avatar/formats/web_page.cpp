@@ -67,15 +67,13 @@ std::string readThree(const char* name) {
     const fs::path file = webFolder() / name;
     std::error_code error;
     if (!fs::exists(file, error))
-        throwInput(
-            "{}: expected a file of three.js, found nothing; run scripts/setup --web, which "
-            "fetches it, or set DOPPEL_WEB to its folder",
-            file.string());
+        throwInput("{}: expected a file of three.js, found nothing; {}", file.string(),
+                   fetchAdvice("web", "DOPPEL_WEB"));
     return readText(file);
 }
 
 std::string readOwn(const char* name) {
-    const fs::path file = assetFolder() / "web" / name;
+    const fs::path file = assetFolder() / "pages" / name;
     std::error_code error;
     if (!fs::exists(file, error))
         throwInput(
@@ -154,7 +152,7 @@ std::string filled(std::string text, const Page& page) {
         const size_t at = text.find(mark);
         if (at == std::string::npos)
             throwInput("{}: expected {} in it, found none",
-                       (assetFolder() / "web/index.html").string(), mark);
+                       (assetFolder() / "pages/index.html").string(), mark);
         text.replace(at, std::string_view(mark).size(), *value);
     }
     return text;
