@@ -5,8 +5,9 @@
 #include <set>
 #include <utility>
 
+#include "common/pairs.h"
 #include "elementwise/params.h"
-#include "nn/core/blocks.h"
+#include "engine/files/numbers.h"
 
 namespace doppel {
 
@@ -245,9 +246,8 @@ Tensor Graph::gradientTarget(const Tensor& input) {
 void Graph::accumulateGradients() {
     for (auto& [total, more] : pendingSums_) {
         const auto n = static_cast<uint64_t>(total.elements());
-        const Places places = placesOf(device_, n);
-        dispatchGroups("elementwise/add.into", {{"total", total}, {"more", more}},
-                       ElementParams{u32(n)}, places.groups, places.spec, places.invocations);
+        dispatch("elementwise/add.into", {{"total", total}, {"more", more}}, ElementParams{u32(n)},
+                 pairInvocations(n));
     }
     pendingSums_.clear();
 }

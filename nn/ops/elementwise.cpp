@@ -6,7 +6,6 @@
 #include "elementwise/params.h"
 #include "engine/files/numbers.h"
 #include "nn/core/op.h"
-#include "nn/core/places.h"
 
 namespace doppel {
 
@@ -14,6 +13,7 @@ namespace {
 
 uint32_t count(const Tensor& x) { return u32(x.elements()); }
 uint64_t elements(const Tensor& x) { return static_cast<uint64_t>(x.elements()); }
+// Invocations of a kernel over pairs.
 uint64_t pairs(const Tensor& x) { return pairInvocations(elements(x)); }
 
 // y = f(x); backward from y and dy, so that x need not be kept.
@@ -22,11 +22,11 @@ Tensor mapOfY(Graph& graph, const char* name, const Tensor& x, const char* forwa
     Tensor y = graph.temporary(x.shape);
     ElementParams params{count(x)};
     graph.beginOp(name);
-    dispatchPlaces(graph, forward, {{"x", x}, {"y", y}}, params, elements(x));
+    graph.dispatch(forward, {{"x", x}, {"y", y}}, params, pairs(x));
     graph.differentiate({x}, {y}, [=, &graph] {
         Tensor dx = graph.gradientTarget(x);
-        dispatchPlaces(graph, backward, {{"y", y}, {"dy", graph.gradient(y)}, {"dx", dx}}, params,
-                       elements(x));
+        graph.dispatch(backward, {{"y", y}, {"dy", graph.gradient(y)}, {"dx", dx}}, params,
+                       pairs(x));
     });
     return y;
 }
@@ -39,12 +39,11 @@ Tensor rectify(Graph& graph, const char* name, const Tensor& x, float slope) {
     Tensor y = graph.temporary(x.shape);
     LeakyReluParams params{count(x), slope};
     graph.beginOp(name);
-    dispatchPlaces(graph, "elementwise/leaky_relu.forward", {{"x", x}, {"y", y}}, params,
-                   elements(x));
+    graph.dispatch("elementwise/leaky_relu.forward", {{"x", x}, {"y", y}}, params, pairs(x));
     graph.differentiate({x}, {y}, [=, &graph] {
         Tensor dx = graph.gradientTarget(x);
-        dispatchPlaces(graph, "elementwise/leaky_relu.backward",
-                       {{"y", y}, {"dy", graph.gradient(y)}, {"dx", dx}}, params, elements(x));
+        graph.dispatch("elementwise/leaky_relu.backward",
+                       {{"y", y}, {"dy", graph.gradient(y)}, {"dx", dx}}, params, pairs(x));
     });
     return y;
 }
@@ -70,12 +69,11 @@ Tensor scaleShift(Graph& graph, const Tensor& x, float scale, float shift) {
     Tensor y = graph.temporary(x.shape);
     ScaleShiftParams params{count(x), scale, shift};
     graph.beginOp("scale_shift");
-    dispatchPlaces(graph, "elementwise/scale_shift.forward", {{"x", x}, {"y", y}}, params,
-                   elements(x));
+    graph.dispatch("elementwise/scale_shift.forward", {{"x", x}, {"y", y}}, params, pairs(x));
     graph.differentiate({x}, {y}, [=, &graph] {
         Tensor dx = graph.gradientTarget(x);
-        dispatchPlaces(graph, "elementwise/scale_shift.backward",
-                       {{"dy", graph.gradient(y)}, {"dx", dx}}, params, elements(x));
+        graph.dispatch("elementwise/scale_shift.backward", {{"dy", graph.gradient(y)}, {"dx", dx}},
+                       params, pairs(x));
     });
     return y;
 }
@@ -84,11 +82,11 @@ Tensor clamp(Graph& graph, const Tensor& x, float low, float high) {
     Tensor y = graph.temporary(x.shape);
     ClampParams params{count(x), low, high};
     graph.beginOp("clamp");
-    dispatchPlaces(graph, "elementwise/clamp.forward", {{"x", x}, {"y", y}}, params, elements(x));
+    graph.dispatch("elementwise/clamp.forward", {{"x", x}, {"y", y}}, params, pairs(x));
     graph.differentiate({x}, {y}, [=, &graph] {
         Tensor dx = graph.gradientTarget(x);
-        dispatchPlaces(graph, "elementwise/clamp.backward",
-                       {{"x", x}, {"dy", graph.gradient(y)}, {"dx", dx}}, params, elements(x));
+        graph.dispatch("elementwise/clamp.backward",
+                       {{"x", x}, {"dy", graph.gradient(y)}, {"dx", dx}}, params, pairs(x));
     });
     return y;
 }
@@ -98,8 +96,8 @@ Tensor add(Graph& graph, const Tensor& a, const Tensor& b) {
           toString(b.shape));
     Tensor y = graph.temporary(a.shape);
     graph.beginOp("add");
-    dispatchPlaces(graph, "elementwise/add.forward", {{"a", a}, {"b", b}, {"y", y}},
-                   ElementParams{count(a)}, elements(a));
+    graph.dispatch("elementwise/add.forward", {{"a", a}, {"b", b}, {"y", y}},
+                   ElementParams{count(a)}, pairs(a));
     graph.differentiate({a, b}, {y}, [=, &graph] {
         for (const Tensor& input : {a, b})
             if (graph.wantsGradient(input))
@@ -114,8 +112,8 @@ Tensor multiply(Graph& graph, const Tensor& a, const Tensor& b) {
     Tensor y = graph.temporary(a.shape);
     ElementParams params{count(a)};
     auto product = [=, &graph](const Tensor& left, const Tensor& right, const Tensor& target) {
-        dispatchPlaces(graph, "elementwise/multiply.forward",
-                       {{"a", left}, {"b", right}, {"y", target}}, params, elements(a));
+        graph.dispatch("elementwise/multiply.forward", {{"a", left}, {"b", right}, {"y", target}},
+                       params, pairs(a));
     };
     graph.beginOp("multiply");
     product(a, b, y);
@@ -132,18 +130,15 @@ namespace {
 // One side of a concatenation, forward or backward.
 void concatPart(Graph& graph, bool backward, const Tensor& part, const Tensor& y, const Tensor& dy,
                 int64_t inner, int64_t innerAll, int64_t start, bool rectified) {
-    ConcatParams params{count(part), u32(innerAll), u32(start), divisorOf(uint64_t(inner)), {}};
-    auto multiplesOf = [&](int64_t n) {
-        return inner % n == 0 && innerAll % n == 0 && start % n == 0;
-    };
+    ConcatParams params{count(part), u32(innerAll), u32(start), divisorOf(uint64_t(inner))};
+    const bool even = inner % 2 == 0 && innerAll % 2 == 0 && start % 2 == 0;
     Specialisation spec{{"kRelu", rectified}};
-    if (multiplesOf(2) && !backward)
-        dispatchPlaces(graph, "elementwise/concat.forward_pairs", {{"parts", part}, {"ys", y}},
-                       params, elements(part), spec, multiplesOf(kBlockElements));
-    else if (multiplesOf(2))
-        dispatchPlaces(graph, "elementwise/concat.backward_pairs",
-                       {{"dys", dy}, {"ys", y}, {"dparts", part}}, params, elements(part), spec,
-                       multiplesOf(kBlockElements));
+    if (even && !backward)
+        graph.dispatch("elementwise/concat.forward_pairs", {{"parts", part}, {"ys", y}}, params,
+                       pairs(part), spec);
+    else if (even)
+        graph.dispatch("elementwise/concat.backward_pairs",
+                       {{"dys", dy}, {"ys", y}, {"dparts", part}}, params, pairs(part), spec);
     else if (!backward)
         graph.dispatch("elementwise/concat.forward", {{"part", part}, {"y", y}}, params,
                        elements(part), spec);

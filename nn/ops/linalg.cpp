@@ -412,23 +412,19 @@ void sumAxis(Graph& graph, const Tensor& x, int64_t outer, int64_t count, int64_
     CHECK(outer * count * inner <= x.elements() && outer * inner <= target.elements(),
           "a sum over [{},{},{}] lies within its tensors", outer, count, inner);
     if (outer * inner == 0) return;
-    bool quads = graph.device().kernelPath().texels && inner % 4 == 0;
-    const char* kernel = quads ? "linalg/sum.axis_quads" : "linalg/sum.axis";
-    const char* name = quads ? "xQuads" : "x";
-    int64_t each = quads ? 4 : 1;  // columns of an invocation
     constexpr int64_t kPartLength = 256;
     int64_t parts = std::max<int64_t>(1, ceilDiv(count, kPartLength));
     Tensor source = x;
     if (parts > 1) {
         SumParams params{u32(outer), u32(count), u32(inner), kPartLength, u32(parts)};
         source = graph.temporary({outer, parts, inner});
-        graph.dispatch(kernel, {{name, x}, {"y", source}}, params,
-                       static_cast<uint64_t>(outer * parts * (inner / each)));
+        graph.dispatch("linalg/sum.axis", {{"x", x}, {"y", source}}, params,
+                       static_cast<uint64_t>(outer * parts * inner));
         count = parts;
     }
     SumParams params{u32(outer), u32(count), u32(inner), u32(std::max<int64_t>(count, 1)), 1};
-    graph.dispatch(kernel, {{name, source}, {"y", target}}, params,
-                   static_cast<uint64_t>(outer * (inner / each)), {{"kAccumulate", accumulate}});
+    graph.dispatch("linalg/sum.axis", {{"x", source}, {"y", target}}, params,
+                   static_cast<uint64_t>(outer * inner), {{"kAccumulate", accumulate}});
 }
 
 Tensor matmul(Graph& graph, const Tensor& a, const Tensor& b, bool transA, bool transB) {

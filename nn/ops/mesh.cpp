@@ -110,13 +110,13 @@ Tensor convolve(Graph& graph, const Tensor& x, const AdjacencyTensors& adjacency
         if (quads) {
             const auto each = u32(columns);
             graph.dispatch("mesh/aggregate.backward_own_quads",
-                           {{"yQuads", y}, {"dyQuads", dy}, {"dzPairs", dz}}, perVertex,
+                           {{"yQuads", y}, {"dyQuads", dy}, {"dzStored", dz}}, perVertex,
                            invocations, {{"kRelu", relu}, {"kColumns", each}});
             graph.dispatch("mesh/aggregate.backward_neighbours_quads",
                            {{"neighbourBegin", adjacency.begin},
                             {"neighbours", adjacency.neighbours},
                             {"dzQuads", dz},
-                            {"dzPairs", dz}},
+                            {"dzStored", dz}},
                            perVertex, invocations, {{"kColumns", each}});
         } else {
             graph.dispatch("mesh/aggregate.backward_own", {{"y", y}, {"dy", dy}, {"dz", dz}},

@@ -4,15 +4,14 @@
 // dshaped, summed over chunks of vertices, which linalg/sum.comp adds up. Metres; beta in standard
 // deviations.
 #version 460
-// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "common/loads.glsl"
 #include "body/params.h"
 PARAMS(BodyParams, 12)
-BUFFER(0, readonly, vec3, templateVerts);         // [V,3]
+BUFFER(0, readonly, vec3, templateVerts);     // [V,3]
 BUFFER(1, readonly, float, shapeDirections);  // [V,3,10]
-BUFFER(2, readonly, Pair, betaPairs);     // [10], two at a time
+BUFFER(2, readonly, vec2, betaPairs);         // [10], two at a time
 BUFFER(3, writeonly, vec3, shaped);           // [V,3] forward's result
 BUFFER(4, readonly, vec3, dposed);            // [V,3] before pose blend shapes have been added
 BUFFER(5, readonly, float, regressor);        // [n] the numbers of the regressor that are there
@@ -21,7 +20,7 @@ BUFFER(7, readonly, ivec2, vertexEntries);    // [n,2] by vertex: joint, place i
 BUFFER(8, readonly, vec3, drest);             // [24,3] of the joints in rest pose
 BUFFER(9, readwrite, vec3, dshaped);          // [V,3] = dtemplate
 BUFFER(10, writeonly, float, partial);        // [chunks,10] of dbeta
-BUFFER(11, readonly, Pair, directionPairs); // shapeDirections, likewise
+BUFFER(11, readonly, vec2, directionPairs);   // shapeDirections, likewise
 const int kShapes = 10;
 
 ENTRY(forward) {
@@ -30,9 +29,9 @@ ENTRY(forward) {
     vec3 sum = templateVerts.d[v];
     uint row = v * 3 * kShapes / 2;
     [[unroll]] for (int k = 0; k < kShapes / 2; ++k) {
-        vec2 b = unpackPair(betaPairs.d[k]), x = unpackPair(directionPairs.d[row + k]);
-        vec2 y = unpackPair(directionPairs.d[row + kShapes / 2 + k]);
-        vec2 z = unpackPair(directionPairs.d[row + kShapes + k]);
+        vec2 b = betaPairs.d[k], x = directionPairs.d[row + k];
+        vec2 y = directionPairs.d[row + kShapes / 2 + k];
+        vec2 z = directionPairs.d[row + kShapes + k];
         sum += b.x * vec3(x.x, y.x, z.x);
         sum += b.y * vec3(x.y, y.y, z.y);
     }

@@ -19,8 +19,6 @@
 #define Pair uint64_t
 vec2 unpackPair(uint64_t pair) { return uintBitsToFloat(unpackUint2x32(pair)); }
 uint64_t packPair(vec2 pair) { return packUint2x32(floatBitsToUint(pair)); }
-#define IntPair uint64_t
-ivec2 unpackInts(uint64_t pair) { return ivec2(unpackUint2x32(pair)); }
 // Through a descriptor in either flavour; zeros behind the buffer's end.
 #define QUADS(slot, name) layout(set = 0, binding = slot) uniform textureBuffer name
 #define quadAt(name, i) texelFetch(name, int(i))
@@ -28,8 +26,6 @@ ivec2 unpackInts(uint64_t pair) { return ivec2(unpackUint2x32(pair)); }
 #define Pair vec2
 vec2 unpackPair(vec2 pair) { return pair; }
 vec2 packPair(vec2 pair) { return pair; }
-#define IntPair ivec2
-ivec2 unpackInts(ivec2 pair) { return pair; }
 #define QUADS(slot, name) BUFFER(slot, readonly, vec4, name)
 #define quadAt(name, i) name.d[i]
 #endif

@@ -5,17 +5,16 @@
 // Performance Convolutional Neural Networks for Document Processing, 2006). They are written as the
 // panels (common/panels.h) of these products' right sides: of windows, or of rows.
 #version 460
-// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "common/loads.glsl"
 #include "common/panels.h"
 #include "conv/params.h"
 PARAMS(ColumnsParams, 4)
-BUFFER(0, readonly, float, image);     // [images, channels, height, width]
-BUFFER(1, writeonly, float, columns);  // panels of [channels * kernel, images * windows]
-QUADS(2, imageQuads);                  // image again
-BUFFER(3, writeonly, Pair, pairs);     // columns again
+BUFFER(0, readonly, float, image);      // [images, channels, height, width]
+BUFFER(1, writeonly, float, columns);   // panels of [channels * kernel, images * windows]
+BUFFER(2, readonly, vec4, imageQuads);  // image again
+BUFFER(3, writeonly, vec2, pairs);      // columns again
 
 layout(constant_id = 1) const uint kKernelH = 4;
 layout(constant_id = 2) const uint kKernelW = 4;
@@ -70,19 +69,18 @@ ENTRY(gather_strided) {
         float v[12];  // pixels x to x + 11; the windows start at x + 3 and x + 5
         [[unroll]] for (uint i = 0; i < 3; ++i) {
             bool inside = y + ky < height && x + 4 * i < width;
-            vec4 four =
-                quadAt(imageQuads, (plane + (inside ? (y + ky) * width + x + 4 * i : 0)) / 4);
+            vec4 four = imageQuads.d[(plane + (inside ? (y + ky) * width + x + 4 * i : 0)) / 4];
             [[unroll]] for (uint k = 0; k < 4; ++k) v[4 * i + k] = inside ? four[k] : 0;
         }
         uint row = channel * 16 + ky * 4;
         if (kWindowPanels) {
             [[unroll]] for (uint kx = 0; kx < 4; ++kx)
-                pairs.d[panelPlace(row + kx, place) / 2] = packPair(vec2(v[kx + 3], v[kx + 5]));
+                pairs.d[panelPlace(row + kx, place) / 2] = vec2(v[kx + 3], v[kx + 5]);
         } else {
             [[unroll]] for (uint i = 0; i < 4; ++i) {  // window i / 2, kx = 2 (i % 2)
                 uint first = 3 + 2 * (i / 2) + 2 * (i % 2);
                 pairs.d[panelPlace(row + 2 * (i % 2), place + i / 2) / 2] =
-                    packPair(vec2(v[first], v[first + 1]));
+                    vec2(v[first], v[first + 1]);
             }
         }
     }

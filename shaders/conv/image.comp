@@ -4,7 +4,6 @@
 // of those windows that there are; so that image = columns(weight^T maps) is a transposed
 // convolution, or the gradient of a convolution's image. Columns lie row by row.
 #version 460
-// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "common/loads.glsl"
@@ -13,7 +12,7 @@ PARAMS(ImageParams, 4)
 BUFFER(0, readonly, float, columns);  // [channels * kKernelH * kKernelW, images * windows]
 BUFFER(1, writeonly, float, image);   // [images, all channels, height, width]
 BUFFER(2, readonly, float, bias);     // [all channels]
-BUFFER(3, writeonly, Pair, pairs);  // the image, in pairs
+BUFFER(3, writeonly, vec2, pairs);    // the image, in pairs
 
 layout(constant_id = 1) const uint kKernelH = 4;
 layout(constant_id = 2) const uint kKernelW = 4;
@@ -81,6 +80,6 @@ ENTRY(sum_blocks) {
                     float v = columns.d[seen ? at : base];
                     total[c] += seen ? v : 0;
                 }
-        pairs.d[(plane + r * params.width) / 2] = packPair(total);
+        pairs.d[(plane + r * params.width) / 2] = total;
     }
 }

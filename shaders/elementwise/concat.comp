@@ -1,20 +1,19 @@
 // Copies a part [outer, inner] to its columns of y [outer, innerAll], from column `start` on, or
 // the gradient of these back; with kRelu y = max(0, part), whose gradient is 0 where y is.
 #version 460
-// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
+#include "common/loads.glsl"
 #include "elementwise/params.h"
 PARAMS(ConcatParams, 8)
-#include "common/blocks.glsl"
-BUFFER(0, readonly, float, part);     // [outer, inner]
-BUFFER(1, readwrite, float, y);       // [outer, innerAll]
-BUFFER(2, readonly, float, dy);       // [outer, innerAll]
-BUFFER(3, writeonly, float, dpart);   // [outer, inner]
-BUFFER(4, readonly, Block, parts);    // the same, in pairs
-BUFFER(5, readwrite, Block, ys);
-BUFFER(6, readonly, Block, dys);
-BUFFER(7, writeonly, Pair, dparts);
+BUFFER(0, readonly, float, part);    // [outer, inner]
+BUFFER(1, readwrite, float, y);      // [outer, innerAll]
+BUFFER(2, readonly, float, dy);      // [outer, innerAll]
+BUFFER(3, writeonly, float, dpart);  // [outer, inner]
+BUFFER(4, readonly, vec2, parts);    // the same, in pairs
+BUFFER(5, readwrite, vec2, ys);
+BUFFER(6, readonly, vec2, dys);
+BUFFER(7, writeonly, vec2, dparts);
 
 layout(constant_id = 1) const bool kRelu = false;  // y = max(0, …); its sign is that of the part
 
@@ -39,28 +38,20 @@ ENTRY(backward) {
     dpart.d[i] = !kRelu || y.d[at] > 0 ? g : 0;
 }
 
-// Where in y the pairs of place p of the part are; in blocks if these are whole in both.
-Place placeInY(Place p) {
-    uint elements = kBlockElements;
-    return Place(place(p.block * elements) / elements, p.part, place(2 * p.pair) / 2);
-}
-
 // Where inner, innerAll and start are even.
 ENTRY(forward_pairs) {
-    uint n = params.n;
-    EACH_PLACE(p, n) {
-        vec2 v = PAIR(parts, p);
-        Place at = placeInY(p);
-        BLOCK_PAIR(ys, at) = packPair(kRelu ? max(v, vec2(0)) : v);
+    EACH_PAIR(i, params.n) {
+        vec2 v = parts.d[i];
+        uint at = place(2 * i) / 2;
+        ys.d[at] = kRelu ? max(v, vec2(0)) : v;
     }
 }
 
 ENTRY(backward_pairs) {
-    uint n = params.n;
-    EACH_PLACE(p, n) {
-        Place at = placeInY(p);
-        vec2 g = PAIR(dys, at);
-        if (kRelu) g = mix(vec2(0), g, greaterThan(PAIR(ys, at), vec2(0)));
-        dparts.d[p.pair] = packPair(g);
+    EACH_PAIR(i, params.n) {
+        uint at = place(2 * i) / 2;
+        vec2 g = dys.d[at];
+        if (kRelu) g = mix(vec2(0), g, greaterThan(ys.d[at], vec2(0)));
+        dparts.d[i] = g;
     }
 }

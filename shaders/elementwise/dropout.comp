@@ -2,7 +2,6 @@
 // and others, Dropout, JMLR 2014). Which ones: those whose random 32 bits, a hash of (seed, step,
 // stream, element), are below threshold = p 2^32. The gradient is the same map of dy.
 #version 460
-// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "common/loads.glsl"
@@ -10,16 +9,16 @@
 #include "common/step_params.h"
 #include "elementwise/params.h"
 PARAMS(DropoutParams, 3)
-BUFFER(0, readonly, Pair, x);       // [n], in pairs; backward: dy
-BUFFER(1, writeonly, Pair, y);      // [n]; backward: dx
+BUFFER(0, readonly, vec2, x);           // [n], in pairs; backward: dy
+BUFFER(1, writeonly, vec2, y);          // [n]; backward: dx
 BUFFER(2, readonly, StepParams, step);  // [1]
 
 ENTRY(forward) {
     uint n = params.n, seed = step.d[0].seed, now = step.d[0].step;
-    EACH_PAIR(i, n) {
+    EACH_PAIR(i, params.n) {
         uint first = randomBits(seed, now, params.stream, 2 * i);
         uint second = randomBits(seed, now, params.stream, 2 * i + 1);
         bvec2 stays = bvec2(first >= params.threshold, second >= params.threshold);
-        y.d[i] = packPair(mix(vec2(0), params.scale * unpackPair(x.d[i]), stays));
+        y.d[i] = mix(vec2(0), params.scale * x.d[i], stays);
     }
 }

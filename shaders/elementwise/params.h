@@ -1,27 +1,22 @@
 #ifndef ELEMENTWISE_PARAMS_H
 #define ELEMENTWISE_PARAMS_H
-#include "common/blocks.h"
 #include "common/divide.h"
 #include "common/shared.h"
 SHARED_BEGIN
 struct LeakyReluParams {
     uint n;       // elements
     float slope;  // of the negative side
-    Digits digits;
 };
 struct ElementParams {
     uint n;
-    Digits digits;
 };
 struct ScaleShiftParams {
     uint n;
     float scale, shift;
-    Digits digits;
 };
 struct ClampParams {
     uint n;
     float low, high;
-    Digits digits;
 };
 // Copies a part [outer, inner] from or to its place in [outer, innerAll].
 struct ConcatParams {
@@ -29,7 +24,6 @@ struct ConcatParams {
     uint innerAll;
     uint start;  // of the part in a row
     Divisor byInner;
-    Digits digits;
 };
 struct DropoutParams {
     uint n;

@@ -6,17 +6,16 @@
 // An invocation makes four neighbours of kRows rows, so that a value is loaded once for all of
 // them that need it.
 #version 460
-// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "common/loads.glsl"
 #include "inference/params.h"
 PARAMS(DepthwiseParams, 5)
-QUADS(0, weight);                  // [C, texels of four]: w row by row, then the bias, then zeros
-BUFFER(1, readonly, float, x);     // [C,H,W]
-QUADS(2, xQuads);                  // x again
-BUFFER(3, writeonly, float, y);    // [C,H',W']
-BUFFER(4, writeonly, Pair, yPairs);  // y again
+BUFFER(0, readonly, vec4, weight);   // [C, texels of four]: w row by row, then the bias, then zeros
+BUFFER(1, readonly, float, x);       // [C,H,W]
+BUFFER(2, readonly, vec4, xQuads);   // x again
+BUFFER(3, writeonly, float, y);      // [C,H',W']
+BUFFER(4, writeonly, vec4, yQuads);  // y again
 
 layout(constant_id = 1) const uint kKernel = 3;
 layout(constant_id = 2) const uint kStride = 1;
@@ -41,7 +40,7 @@ ENTRY(forward) {
 
     vec4 w[kWeightQuads];
     [[unroll]] for (uint t = 0; t < kWeightQuads; ++t)
-        w[t] = quadAt(weight, channel * kWeightQuads + t);
+        w[t] = weight.d[channel * kWeightQuads + t];
     float bias = w[kTaps / 4][kTaps % 4];
     vec4 sum[kRows];
     [[unroll]] for (uint r = 0; r < kRows; ++r) sum[r] = vec4(bias);
@@ -58,7 +57,7 @@ ENTRY(forward) {
         [[unroll]] for (uint t = 0; t < kWindowQuads; ++t) {
             if (kTexels) {
                 int at = texel + int(t);
-                vec4 v = quadAt(xQuads, start / 4 + uint(clamp(at, 0, width / 4 - 1)));
+                vec4 v = xQuads.d[start / 4 + uint(clamp(at, 0, width / 4 - 1))];
                 window[t] = inside && at >= 0 && at < width / 4 ? v : vec4(0);
             } else {
                 [[unroll]] for (uint e = 0; e < 4; ++e) {
@@ -86,8 +85,7 @@ ENTRY(forward) {
         if (kRelu6) v = clamp(v, vec4(0), vec4(6));
         uint at = out0 + r * params.outWidth;
         if (kTexels) {
-            yPairs.d[at / 2] = packPair(v.xy);
-            yPairs.d[at / 2 + 1] = packPair(v.zw);
+            yQuads.d[at / 4] = v;
         } else {
             [[unroll]] for (uint e = 0; e < 4; ++e)
                 if (4 * column + e < params.outWidth) y.d[at + e] = v[e];

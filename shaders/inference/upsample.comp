@@ -5,18 +5,17 @@
 // the border's values beyond the border. So an even pixel is 3/4 of its own and 1/4 of the one
 // before, an odd one 1/4 of the one behind.
 #version 460
-// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "common/loads.glsl"
 #include "inference/params.h"
 PARAMS(UpsampleParams, 6)
-BUFFER(0, readonly, float, x);       // [C,H,W]
-BUFFER(1, readonly, float, more);    // [C,2H,2W], see kAdd
-BUFFER(2, writeonly, float, y);      // [C,2H,2W]
-QUADS(3, xQuads);                    // the same
-QUADS(4, moreQuads);
-BUFFER(5, writeonly, Pair, yPairs);
+BUFFER(0, readonly, float, x);      // [C,H,W]
+BUFFER(1, readonly, float, more);   // [C,2H,2W], see kAdd
+BUFFER(2, writeonly, float, y);     // [C,2H,2W]
+BUFFER(3, readonly, vec4, xQuads);  // the same
+BUFFER(4, readonly, vec4, moreQuads);
+BUFFER(5, writeonly, vec4, yQuads);
 
 layout(constant_id = 1) const bool kAdd = false;
 
@@ -48,9 +47,9 @@ ENTRY(forward_quads) {
     [[unroll]] for (uint r = 0; r < 3; ++r) {
         uint at = min(max(row + r, 1) - 1, params.height - 1);
         uint start = (channel * params.height + at) * texels;
-        vec4 v = quadAt(xQuads, start + texel);
-        float before = texel > 0 ? quadAt(xQuads, start + texel - 1).w : v.x;
-        float behind = texel + 1 < texels ? quadAt(xQuads, start + texel + 1).x : v.w;
+        vec4 v = xQuads.d[start + texel];
+        float before = texel > 0 ? xQuads.d[start + texel - 1].w : v.x;
+        float behind = texel + 1 < texels ? xQuads.d[start + texel + 1].x : v.w;
         low[r] = .75 * v.xxyy + .25 * vec4(before, v.y, v.x, v.z);
         high[r] = .75 * v.zzww + .25 * vec4(v.y, v.w, v.z, behind);
     }
@@ -58,12 +57,10 @@ ENTRY(forward_quads) {
         vec4 first = .75 * low[1] + .25 * low[2 * r], second = .75 * high[1] + .25 * high[2 * r];
         uint at = ((channel * 2 * params.height + 2 * row + r) * texels + texel) * 2;  // texels of y
         if (kAdd) {
-            first += quadAt(moreQuads, at);
-            second += quadAt(moreQuads, at + 1);
+            first += moreQuads.d[at];
+            second += moreQuads.d[at + 1];
         }
-        yPairs.d[2 * at] = packPair(first.xy);
-        yPairs.d[2 * at + 1] = packPair(first.zw);
-        yPairs.d[2 * at + 2] = packPair(second.xy);
-        yPairs.d[2 * at + 3] = packPair(second.zw);
+        yQuads.d[at] = first;
+        yQuads.d[at + 1] = second;
     }
 }

@@ -3,7 +3,6 @@
 // (common/panels.h): in single precision, or rounded to halves and then, where they are gradients,
 // multiplied by halfScale(). Behind the last item and the last step there are zeros.
 #version 460
-// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "common/loads.glsl"
@@ -11,11 +10,11 @@
 #include "linalg/params.h"
 #include "linalg/half_scale.glsl"
 PARAMS(PanelsParams, 5)
-BUFFER(0, readonly, float, matrix);        // see the strides
-BUFFER(1, readonly, Pair, pairs);      // the same, in pairs
-BUFFER(2, writeonly, Pair, packed);    // [batch, panels, stepsInPanel, kWidth], in pairs
-BUFFER(3, writeonly, uint, halves);        // the same, where kHalves
-BUFFER(4, readonly, uint, largest);        // [1], where kScaled
+BUFFER(0, readonly, float, matrix);  // see the strides
+BUFFER(1, readonly, vec2, pairs);    // the same, in pairs
+BUFFER(2, writeonly, vec2, packed);  // [batch, panels, stepsInPanel, kWidth], in pairs
+BUFFER(3, writeonly, uint, halves);  // the same, where kHalves
+BUFFER(4, readonly, uint, largest);  // [1], where kScaled
 
 layout(constant_id = 1) const uint kWidth = 32;  // a power of two
 // Which neighbours in memory start at even elements and can be loaded together.
@@ -53,8 +52,8 @@ ENTRY(pack) {
     if (kPairs == 2) {
         [[unroll]] for (uint s = 0; s < kSteps; s += 2) {
             uint at = min(step + s, steps - 2);
-            vec2 a = unpackPair(pairs.d[(left + at) / 2]);
-            vec2 b = unpackPair(pairs.d[(right + at) / 2]);
+            vec2 a = pairs.d[(left + at) / 2];
+            vec2 b = pairs.d[(right + at) / 2];
             v[s] = vec2(a.x, b.x);
             v[s + 1] = vec2(a.y, b.y);
         }
@@ -62,7 +61,7 @@ ENTRY(pack) {
         [[unroll]] for (uint s = 0; s < kSteps; ++s) {
             uint at = min(step + s, steps - 1) * strideStep;
             if (kPairs == 1)
-                v[s] = unpackPair(pairs.d[(start + min(item, count - 2) - first + at) / 2]);
+                v[s] = pairs.d[(start + min(item, count - 2) - first + at) / 2];
             else
                 v[s] = vec2(matrix.d[left + at], matrix.d[right + at]);
         }
@@ -82,7 +81,7 @@ ENTRY(pack) {
                 if (kScaled) value *= scale;
                 halves.d[at / 2] = packHalf2x16(bounded(value));
             } else {
-                packed.d[at / 2] = packPair(value);
+                packed.d[at / 2] = value;
             }
         }
     }

@@ -2,22 +2,20 @@
 // (W1 x_j + b1), spread over both products: dz_i = [dy_i | sum over the neighbours j of dy_j], for
 // neighbours are mutual. With kRelu dy counts where y > 0. mesh/graph_panels.comp is the way there.
 #version 460
-// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "common/loads.glsl"
 #include "mesh/params.h"
 PARAMS(AggregateParams, 9)
-BUFFER(0, readonly, int, neighbourBegin); // [V+1]
-BUFFER(1, readonly, int, neighbours);     // [2E]
-BUFFER(2, readonly, float, y);            // [V,row] O results and whatever follows
-BUFFER(3, readonly, float, dy);           // [V,row]
-BUFFER(4, readwrite, float, dz);          // [V,2O] from itself, from neighbours
-
-QUADS(5, yQuads);                         // the same as y, dy and dz
-QUADS(6, dyQuads);
-QUADS(7, dzQuads);
-BUFFER(8, writeonly, Pair, dzPairs);
+BUFFER(0, readonly, int, neighbourBegin);  // [V+1]
+BUFFER(1, readonly, int, neighbours);      // [2E]
+BUFFER(2, readonly, float, y);             // [V,row] O results and whatever follows
+BUFFER(3, readonly, float, dy);            // [V,row]
+BUFFER(4, readwrite, float, dz);           // [V,2O] from itself, from neighbours
+BUFFER(5, readonly, vec4, yQuads);         // the same as y, dy and dz
+BUFFER(6, readonly, vec4, dyQuads);
+BUFFER(7, readonly, vec4, dzQuads);
+BUFFER(8, writeonly, vec4, dzStored);
 
 layout(constant_id = 1) const bool kRelu = false;
 layout(constant_id = 2) const uint kColumns = 4;  // of an invocation that takes quads
@@ -47,20 +45,15 @@ ENTRY(backward_neighbours) {
 // per invocation, each of which reads the list of neighbours for itself.
 const uint kQuads = kColumns / 4;
 
-void storeQuad(uint element, vec4 value) {
-    dzPairs.d[element / 2] = packPair(value.xy);
-    dzPairs.d[element / 2 + 1] = packPair(value.zw);
-}
-
 ENTRY(backward_own_quads) {
     uint i = linearIndex(), pieces = params.outputs / kColumns;
     if (i >= params.vertices * pieces) return;
     uint v = quotient(i, params.byRow), column = remainder(i, v, params.byRow) * kColumns;
-    uint from = (v * params.row + column) / 4, to = v * params.xRow + column;
+    uint from = (v * params.row + column) / 4, to = (v * params.xRow + column) / 4;
     [[unroll]] for (uint k = 0; k < kQuads; ++k) {
-        vec4 d = quadAt(dyQuads, from + k);
-        if (kRelu) d = mix(vec4(0), d, greaterThan(quadAt(yQuads, from + k), vec4(0)));
-        storeQuad(to + 4 * k, d);
+        vec4 d = dyQuads.d[from + k];
+        if (kRelu) d = mix(vec4(0), d, greaterThan(yQuads.d[from + k], vec4(0)));
+        dzStored.d[to + k] = d;
     }
 }
 
@@ -73,8 +66,8 @@ ENTRY(backward_neighbours_quads) {
     int end = neighbourBegin.d[v + 1];
     for (int n = neighbourBegin.d[v]; n < end; ++n) {
         uint at = (neighbours.d[n] * params.xRow + column) / 4;
-        [[unroll]] for (uint k = 0; k < kQuads; ++k) sum[k] += quadAt(dzQuads, at + k);
+        [[unroll]] for (uint k = 0; k < kQuads; ++k) sum[k] += dzQuads.d[at + k];
     }
-    uint to = v * params.xRow + params.outputs + column;
-    [[unroll]] for (uint k = 0; k < kQuads; ++k) storeQuad(to + 4 * k, sum[k]);
+    uint to = (v * params.xRow + params.outputs + column) / 4;
+    [[unroll]] for (uint k = 0; k < kQuads; ++k) dzStored.d[to + k] = sum[k];
 }

@@ -2,29 +2,23 @@
 // the texture at the perspective-correct UV, bilinear and clamped at the border. image [H,W,3],
 // coverage [H,W]. Only spans in which a face is seen are shaded. No gradient.
 #version 460
-// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
-#include "common/loads.glsl"
 #include "raster/params.h"
 #include "raster/triangle.glsl"
 layout(constant_id = 1) const uint samples = 1;  // per pixel and axis
 layout(constant_id = 2) const uint keys = 0;     // 1: of two numbers each
 PARAMS(SampledRenderParams, 9)
-BUFFER(0, readonly, uint, index);         // [H samples,W samples,1 + keys] NearestFaces::index
-BUFFER(1, readonly, Pair, screen);    // [V,4] floats from project.comp
-BUFFER(2, readonly, IntPair, faces);  // [F,4] v0, v1, v2, unused
-BUFFER(3, readonly, Pair, uvs);       // [T,2] floats
-BUFFER(4, readonly, IntPair, facesUv);  // [F,4] t0, t1, t2, unused
-BUFFER(5, readonly, float, tex);          // [Ht,Wt,3]
-BUFFER(6, readonly, uint, spans);         // [1+H W/kSpan] see SeenSpans in nn/ops/raster.h
-BUFFER(7, writeonly, float, image);       // [H,W,3] zeros before
-BUFFER(8, writeonly, float, coverage);    // [H,W] zeros before
+BUFFER(0, readonly, uint, index);       // [H samples,W samples,1 + keys] NearestFaces::index
+BUFFER(1, readonly, vec4, screen);      // [V] from project.comp
+BUFFER(2, readonly, ivec4, faces);      // [F] v0, v1, v2, unused
+BUFFER(3, readonly, vec2, uvs);         // [T]
+BUFFER(4, readonly, ivec4, facesUv);    // [F] t0, t1, t2, unused
+BUFFER(5, readonly, float, tex);        // [Ht,Wt,3]
+BUFFER(6, readonly, uint, spans);       // [1+H W/kSpan] see SeenSpans in nn/ops/raster.h
+BUFFER(7, writeonly, float, image);     // [H,W,3] zeros before
+BUFFER(8, writeonly, float, coverage);  // [H,W] zeros before
 
-ivec3 triple(IntPair first, IntPair second) {
-    return ivec3(unpackInts(first), unpackInts(second).x);
-}
-vec4 corner(int v) { return vec4(unpackPair(screen.d[2 * v]), unpackPair(screen.d[2 * v + 1])); }
 vec3 texel(uint x, uint y) {
     uint t = 3 * (y * params.textureWidth + x);
     return vec3(tex.d[t], tex.d[t + 1], tex.d[t + 2]);
@@ -32,12 +26,11 @@ vec3 texel(uint x, uint y) {
 
 // What a face shows at the sample in this column and row: bilinear, clamped at the border.
 vec3 colourOf(uint face, uint column, uint row) {
-    ivec3 v = triple(faces.d[2 * face], faces.d[2 * face + 1]);
-    ivec3 t = triple(facesUv.d[2 * face], facesUv.d[2 * face + 1]);
+    ivec3 v = faces.d[face].xyz;
+    ivec3 t = facesUv.d[face].xyz;
     vec2 p = pixelCentre(int(column), int(row), params.width * samples, params.height * samples);
-    vec3 b = surfaceAt(corner(v.x), corner(v.y), corner(v.z), p).xyz;
-    vec2 uv = b.x * unpackPair(uvs.d[t.x]) + b.y * unpackPair(uvs.d[t.y]) +
-              b.z * unpackPair(uvs.d[t.z]);
+    vec3 b = surfaceAt(screen.d[v.x], screen.d[v.y], screen.d[v.z], p).xyz;
+    vec2 uv = b.x * uvs.d[t.x] + b.y * uvs.d[t.y] + b.z * uvs.d[t.z];
     vec2 size = vec2(params.textureWidth, params.textureHeight);
     vec2 at = clamp(uv * size - 0.5, vec2(0), size - 1);
     uvec2 low = uvec2(at), high = uvec2(min(floor(at) + 1, size - 1));

@@ -4,11 +4,9 @@
 // in which a face is seen (raster/seen_spans.comp), for a CPU's vectors would walk through the
 // shading of the others too.
 #version 460
-// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #include "common/op.glsl"
-#include "common/loads.glsl"
 #include "raster/triangle.glsl"
 #include "view/params.h"
 // What it paints is fixed in the pipeline: a CPU's vectors would walk through every branch.
@@ -18,24 +16,19 @@ layout(constant_id = 3) const uint wireframe = 0;  // 1: the faces' edges on top
 layout(constant_id = 4) const uint samples = 1;    // of the nearest faces, per pixel and axis
 layout(constant_id = 5) const uint keys = 0;       // 1: of two numbers each, see nn/ops/raster.h
 PARAMS(ShadeParams, 12)
-BUFFER(0, readonly, uint, index);           // [H s,W s,1 + keys] NearestFaces::index
-BUFFER(1, readonly, Pair, screen);      // [V,4] floats from raster/project.comp
-BUFFER(2, readonly, float, normals);        // [V,3] the body's world, unit length
-BUFFER(3, readonly, vec2, marks);           // [V] body part; clamp bound as part of the largest
-BUFFER(4, readonly, IntPair, faces);       // [F,4] v0, v1, v2, unused
-BUFFER(5, readonly, Pair, cornerUvs);   // [F,4,2] UVs of the corners; the last unused
-BUFFER(6, readonly, uint, tex);             // [S,S] R, G, B, A from the lowest byte
-BUFFER(7, readonly, float, visibility);     // [S,S]
-BUFFER(8, readonly, ShadeState, state);     // [1]
-BUFFER(9, readonly, uint, background);      // [H,W] as the picture, which starts as its copy
-BUFFER(10, writeonly, uint, picture);       // [H,W]
-BUFFER(11, readonly, uint, spans);          // [1+H W/kSpan] see SeenSpans in nn/ops/raster.h
+BUFFER(0, readonly, uint, index);        // [H s,W s,1 + keys] NearestFaces::index
+BUFFER(1, readonly, vec4, screen);       // [V] from raster/project.comp
+BUFFER(2, readonly, float, normals);     // [V,3] the body's world, unit length
+BUFFER(3, readonly, vec2, marks);        // [V] body part; clamp bound as part of the largest
+BUFFER(4, readonly, ivec4, faces);       // [F] v0, v1, v2, unused
+BUFFER(5, readonly, vec2, cornerUvs);    // [F,4] UVs of the corners; the last unused
+BUFFER(6, readonly, uint, tex);          // [S,S] R, G, B, A from the lowest byte
+BUFFER(7, readonly, float, visibility);  // [S,S]
+BUFFER(8, readonly, ShadeState, state);  // [1]
+BUFFER(9, readonly, uint, background);   // [H,W] as the picture, which starts as its copy
+BUFFER(10, writeonly, uint, picture);    // [H,W]
+BUFFER(11, readonly, uint, spans);       // [1+H W/kSpan] see SeenSpans in nn/ops/raster.h
 
-ivec3 faceVertices(uint face) {
-    return ivec3(unpackInts(faces.d[2 * face]), unpackInts(faces.d[2 * face + 1]).x);
-}
-vec2 screenAt(int v) { return unpackPair(screen.d[2 * v]); }
-vec4 corner(int v) { return vec4(screenAt(v), unpackPair(screen.d[2 * v + 1])); }
 
 // The face at a sample, -1: none.
 int faceAt(uint at) { return int(keys == 0 ? index.d[at] : ~index.d[2 * at]); }
@@ -88,8 +81,8 @@ vec3 normalOf(int v) {
 // How much of a pixel's colour is an edge's, at the point with barycentrics b. Faces of a few
 // pixels keep most of their own colour, or a fine mesh would be nothing but edges.
 float edgeShare(ivec3 v, vec3 b) {
-    vec2 s0 = screenAt(v.x) / float(samples), s1 = screenAt(v.y) / float(samples);
-    vec2 s2 = screenAt(v.z) / float(samples);
+    vec2 s0 = screen.d[v.x].xy / float(samples), s1 = screen.d[v.y].xy / float(samples);
+    vec2 s2 = screen.d[v.z].xy / float(samples);
     float area = abs((s1.x - s0.x) * (s2.y - s0.y) - (s1.y - s0.y) * (s2.x - s0.x));
     vec3 lengths = vec3(distance(s1, s2), distance(s2, s0), distance(s0, s1));
     vec3 heights = area / max(lengths, 1e-6), distances = b * heights;
@@ -109,9 +102,9 @@ vec3 normalAt(ivec3 v, vec3 b) {
 
 // A face's at the sample in this column and row.
 vec3 colourOf(uint face, uint column, uint row) {
-    ivec3 v = faceVertices(face);
+    ivec3 v = faces.d[face].xyz;
     vec2 p = pixelCentre(int(column), int(row), params.width * samples, params.height * samples);
-    vec3 b = surfaceAt(corner(v.x), corner(v.y), corner(v.z), p).xyz;
+    vec3 b = surfaceAt(screen.d[v.x], screen.d[v.y], screen.d[v.z], p).xyz;
     vec3 n = vec3(0, 0, -1), colour;
     bool shaped = paint == kPaintClay || paint == kPaintNormals || paint == kPaintParts ||
                   paint == kPaintClamps;
@@ -128,9 +121,8 @@ vec3 colourOf(uint face, uint column, uint row) {
         float bound = b.x * m0.y + b.y * m1.y + b.z * m2.y;
         colour = (paint == kPaintParts ? partColour(part) : heatColour(bound)) * headlight;
     } else {
-        colour = paintAt(b.x * unpackPair(cornerUvs.d[4 * face]) +
-                         b.y * unpackPair(cornerUvs.d[4 * face + 1]) +
-                         b.z * unpackPair(cornerUvs.d[4 * face + 2]));
+        colour = paintAt(b.x * cornerUvs.d[4 * face] + b.y * cornerUvs.d[4 * face + 1] +
+                         b.z * cornerUvs.d[4 * face + 2]);
     }
     if (lit != 0 && paint != kPaintNormals) {
         ShadeState s = state.d[0];

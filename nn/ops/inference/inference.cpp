@@ -67,7 +67,7 @@ Tensor depthwiseConv2d(Graph& graph, const Tensor& x, const Tensor& weight, int6
                                  .byColumns = divisorOf(uint64_t(columns)),
                                  .byRows = divisorOf(uint64_t(groups))};
     graph.dispatch("inference/depthwise.forward",
-                   {{"weight", weight}, {"x", x}, {"xQuads", x}, {"y", y}, {"yPairs", y}}, params,
+                   {{"weight", weight}, {"x", x}, {"xQuads", x}, {"y", y}, {"yQuads", y}}, params,
                    params.n,
                    {{"kKernel", u32(kernel)},
                     {"kStride", u32(stride)},
@@ -129,7 +129,7 @@ Tensor upsample2(Graph& graph, const Tensor& x, const Tensor& more) {
     const Specialisation spec{{"kAdd", bool(more)}};
     if (quads) {
         graph.dispatch("inference/upsample.forward_quads",
-                       {{"xQuads", x}, {"moreQuads", added}, {"yPairs", y}}, params, params.n,
+                       {{"xQuads", x}, {"moreQuads", added}, {"yQuads", y}}, params, params.n,
                        spec);
     } else {
         graph.dispatch("inference/upsample.forward", {{"x", x}, {"more", added}, {"y", y}}, params,
