@@ -3,10 +3,11 @@
 #include <cstdlib>
 #include <numeric>
 
+#include "common/pairs.h"
 #include "elementwise/params.h"
 #include "engine/kernel.h"
 #include "engine/shader_table.h"
-#include "nn/core/places.h"
+#include "nn/core/graph.h"
 #include "nn/ops/elementwise.h"
 #include "nn/ops/linalg.h"
 #include "tests/files.h"
@@ -212,8 +213,8 @@ TEST(Limits, OfDescriptorsOffsets) {
     graph.fill(target);
     graph.copy(y, target.slice(12, 8));
     auto addInto = [&](const Tensor& total, const Tensor& more) {
-        dispatchPlaces(graph, "elementwise/add.into", {{"total", total}, {"more", more}},
-                       ElementParams{8}, 8);
+        graph.dispatch("elementwise/add.into", {{"total", total}, {"more", more}}, ElementParams{8},
+                       pairInvocations(8));
     };
     addInto(target.slice(12, 8), y);
     addInto(target.slice(20, 8), x.slice(32, 8));

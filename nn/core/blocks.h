@@ -27,21 +27,19 @@ struct Places {
     Specialisation spec;
 };
 
-// blocks: the array may be taken in blocks.
-inline Places placesOf(const Device& device, uint64_t n, Specialisation spec = {},
-                       bool blocks = true) {
+inline Places placesOf(const Device& device, uint64_t n) {
     const uint32_t lanes = blockLanes(device);
     const uint64_t subgroups = n / (kBlocksEach * kBlockElements);
     // Workgroups of sixteen subgroups, or of four; smaller ones, and arrays that are no multiple,
     // are better off without.
     const uint32_t together = subgroups % 16 == 0 ? 16 : 4;
     const bool whole = n % (uint64_t{kBlocksEach} * kBlockElements * together) == 0;
-    if (!blocks || lanes == 0 || !whole || subgroups < 64 || subgroups / together > 65535)
-        return {.invocations = pairInvocations(n), .spec = std::move(spec)};
-    spec["local_size"] = lanes * together;
-    spec["kLanes"] = lanes;
-    spec["kDigits"] = blockDigits(subgroups);
-    return {.groups = {u32(subgroups / together), 1, 1}, .spec = std::move(spec)};
+    if (lanes == 0 || !whole || subgroups < 64 || subgroups / together > 65535)
+        return {.invocations = pairInvocations(n)};
+    return {.groups = {u32(subgroups / together), 1, 1},
+            .spec = {{"local_size", lanes * together},
+                     {"kLanes", lanes},
+                     {"kDigits", blockDigits(subgroups)}}};
 }
 
 }  // namespace doppel

@@ -112,7 +112,7 @@ Posing posing(Graph& graph, const LbsModel& model, const ShapedBody& shaped, con
                  {{"posed", p.posed},
                   {"weights", model.weights},
                   {"weightJoints", model.weightJoints},
-                  {"transformRows", p.transforms},
+                  {"transforms", p.transforms},
                   {"trans", trans},
                   {"verts", p.body.verts},
                   {"listed", rows.list(graph)}},

@@ -3,8 +3,8 @@
 #include <cmath>
 
 #include "engine/files/numbers.h"
+#include "nn/core/blocks.h"
 #include "nn/core/op.h"
-#include "nn/core/places.h"
 #include "nn/ops/elementwise.h"
 #include "nn/ops/linalg.h"
 #include "optim/params.h"
@@ -45,13 +45,14 @@ void dispatchAdamW(Graph& graph, const Tensor& value, const Tensor& gradient, co
     auto dispatch = [&](int64_t first, int64_t n) {
         AdamWParams params = paramsOf(options, n, 1);
         params.firstPair = u32(first / 2);
-        dispatchPlaces(graph, "optim/adamw.all",
-                       {{"values", value},
-                        {"gradients", gradient},
-                        {"moments1", moment1},
-                        {"moments2", moment2},
-                        {"step", step}},
-                       params, static_cast<uint64_t>(n));
+        const Places places = placesOf(graph.device(), static_cast<uint64_t>(n));
+        graph.dispatchGroups("optim/adamw.all",
+                             {{"values", value},
+                              {"gradients", gradient},
+                              {"moments1", moment1},
+                              {"moments2", moment2},
+                              {"step", step}},
+                             params, places.groups, places.spec, places.invocations);
     };
     int64_t n = value.elements();
     int64_t rest = blockLanes(graph.device()) > 0 ? n % kPlacesWhole : 0;

@@ -9,21 +9,20 @@
 #include "common/rows.glsl"
 #include "body/params.h"
 #include "body/rotation.glsl"
-PARAMS(BodyParams, 14)
-BUFFER(0, readonly, vec3, posed);           // [V,3] in rest pose, all blend shapes added
-BUFFER(1, readonly, float, weights);        // [V,K]
-BUFFER(2, readonly, int, weightJoints);     // [V,K] whose they are
-BUFFER(3, readonly, vec4, transforms);      // [24,3,4]
-BUFFER(4, readonly, vec3, trans);           // [3]
-BUFFER(5, writeonly, vec3, verts);          // [V,3]
-BUFFER(6, readonly, vec3, dverts);          // [V,3]
-BUFFER(7, writeonly, vec3, dposed);         // [V,3]
-BUFFER(8, readonly, int, entries);          // [n] places in weights, joint after joint
-BUFFER(9, readonly, int, chunkBegin);       // [chunks+1] each chunk has one joint's entries
-BUFFER(10, readwrite, vec4, partial);       // [chunks,3,4] of dtransforms
-BUFFER(11, readonly, int, jointChunks);     // [25] each joint's chunks
-BUFFER(12, writeonly, vec4, dtransforms);   // [24,3,4]
-BUFFER(13, readonly, vec4, transformRows);  // the transforms, a row at a time
+PARAMS(BodyParams, 13)
+BUFFER(0, readonly, vec3, posed);          // [V,3] in rest pose, all blend shapes added
+BUFFER(1, readonly, float, weights);       // [V,K]
+BUFFER(2, readonly, int, weightJoints);    // [V,K] whose they are
+BUFFER(3, readonly, vec4, transforms);     // [24,3,4]
+BUFFER(4, readonly, vec3, trans);          // [3]
+BUFFER(5, writeonly, vec3, verts);         // [V,3]
+BUFFER(6, readonly, vec3, dverts);         // [V,3]
+BUFFER(7, writeonly, vec3, dposed);        // [V,3]
+BUFFER(8, readonly, int, entries);         // [n] places in weights, joint after joint
+BUFFER(9, readonly, int, chunkBegin);      // [chunks+1] each chunk has one joint's entries
+BUFFER(10, readwrite, vec4, partial);      // [chunks,3,4] of dtransforms
+BUFFER(11, readonly, int, jointChunks);    // [25] each joint's chunks
+BUFFER(12, writeonly, vec4, dtransforms);  // [24,3,4]
 LISTED_ROWS(6)  // there is no place left but one that forward does not use
 
 ENTRY(forward) {
@@ -35,7 +34,7 @@ ENTRY(forward) {
         float weight = weights.d[k];
         uint j = 3 * weightJoints.d[k];
         [[unroll]] for (int row = 0; row < 3; ++row)
-            rows[row] += weight * transformRows.d[j + row];
+            rows[row] += weight * transforms.d[j + row];
     }
     vec4 p = vec4(posed.d[v], 1);
     verts.d[v] = vec3(dot(rows[0], p), dot(rows[1], p), dot(rows[2], p)) + trans.d[0];

@@ -14,7 +14,7 @@ BUFFER(1, writeonly, vec2, y);          // [n]; backward: dx
 BUFFER(2, readonly, StepParams, step);  // [1]
 
 ENTRY(forward) {
-    uint n = params.n, seed = step.d[0].seed, now = step.d[0].step;
+    uint seed = step.d[0].seed, now = step.d[0].step;
     EACH_PAIR(i, params.n) {
         uint first = randomBits(seed, now, params.stream, 2 * i);
         uint second = randomBits(seed, now, params.stream, 2 * i + 1);

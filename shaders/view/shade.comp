@@ -29,7 +29,6 @@ BUFFER(9, readonly, uint, background);   // [H,W] as the picture, which starts a
 BUFFER(10, writeonly, uint, picture);    // [H,W]
 BUFFER(11, readonly, uint, spans);       // [1+H W/kSpan] see SeenSpans in nn/ops/raster.h
 
-
 // The face at a sample, -1: none.
 int faceAt(uint at) { return int(keys == 0 ? index.d[at] : ~index.d[2 * at]); }
 
