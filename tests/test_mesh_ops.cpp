@@ -172,7 +172,6 @@ std::vector<std::set<int>> neighboursOf(const Values& in) {
 TEST(MeshOps, OffsetPenalty) {
     for (const TestMesh& mesh : meshes()) {
         OpCase test = caseOf(mesh);
-        test.inputs["weight"] = uniform({test.inputs.at("verts").shape[0]}, 0, 2, 9);
         test.attributes = {{"stay", .3}, {"smooth", 5}};
         test.reference = [](const Values& in) -> Values {
             const Value& x = in.at("verts");
@@ -184,12 +183,43 @@ TEST(MeshOps, OffsetPenalty) {
                     double bend = 0;
                     for (int n : neighbours[v])
                         bend += (own - x.data[3 * size_t(n) + c]) / double(neighbours[v].size());
-                    loss += .3 * in.at("weight").data[v] * own * own + 5 * bend * bend;
+                    loss += .3 * own * own + 5 * bend * bend;
                 }
             return {{"loss", {{}, {loss / double(neighbours.size())}}}};
         };
         checkOp("offset_penalty", test);
     }
+}
+
+TEST(MeshOps, FoldPenalty) {
+    int whole = 0, shrunk = 0, turned = 0;
+    for (const TestMesh& mesh : meshes()) {
+        OpCase test = caseOf(mesh);
+        const Value noise = uniform(test.inputs.at("verts").shape, -.8, .8, 12);
+        Value& reference = test.inputs["reference"] = test.inputs.at("verts");
+        for (size_t i = 0; i < noise.data.size(); ++i) reference.data[i] += noise.data[i];
+        test.inputs["weight"] = uniform({int64_t(mesh.faces.size() / 3)}, 0, 2, 13);
+        test.attributes = {{"least", .4}};
+        test.reference = [&](const Values& in) -> Values {
+            const Value& faces = in.at("faces");
+            auto crossOf = [&](const char* name, size_t f) {
+                auto corner = [&](size_t k) { return at(in.at(name), int(faces.data[3 * f + k])); };
+                return cross(minus(corner(1), corner(0)), minus(corner(2), corner(0)));
+            };
+            const size_t count = faces.data.size() / 3;
+            double loss = 0;
+            for (size_t f = 0; f < count; ++f) {
+                const Vector c = crossOf("verts", f), c0 = crossOf("reference", f);
+                if (dot(c0, c0) <= 1e-24) continue;
+                const double left = dot(c, c0) / dot(c0, c0), wall = std::max(0., .4 - left);
+                ++(left < 0 ? turned : left < .4 ? shrunk : whole);
+                loss += in.at("weight").data[f] * wall * wall;
+            }
+            return {{"loss", {{}, {loss}}}};
+        };
+        checkOp("fold_penalty", test);
+    }
+    EXPECT_TRUE(whole && shrunk && turned) << "a kind of face was never seen";
 }
 
 // The same polynomial of (I + lambda L) in double precision.

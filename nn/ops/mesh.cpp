@@ -211,17 +211,15 @@ Tensor laplacianLoss(Graph& graph, const Tensor& verts, const MeshTensors& mesh)
     return loss;
 }
 
-Tensor offsetPenalty(Graph& graph, const Tensor& offsets, const Tensor& weight,
-                     const MeshTensors& mesh, float stay, float smooth) {
+Tensor offsetPenalty(Graph& graph, const Tensor& offsets, const MeshTensors& mesh, float stay,
+                     float smooth) {
     checkVerts(offsets, mesh);
-    CHECK(weight.elements() == mesh.vertexCount, "a vertex has a weight");
     const uint32_t vertices = vertexCountOf(mesh);
     const OffsetPenaltyParams params{vertices, 1.0f / static_cast<float>(vertices), stay, smooth};
     Tensor terms = graph.temporary({vertices}), bends = graph.temporary(offsets.shape);
     graph.beginOp("offset_penalty");
     graph.dispatch("mesh/offset_penalty.forward",
                    {{"offsets", offsets},
-                    {"weight", weight},
                     {"neighbourBegin", mesh.adjacency.begin},
                     {"neighbours", mesh.adjacency.neighbours},
                     {"terms", terms},
@@ -231,13 +229,46 @@ Tensor offsetPenalty(Graph& graph, const Tensor& offsets, const Tensor& weight,
     graph.differentiate({offsets}, {loss}, [=, &graph] {
         graph.dispatch("mesh/offset_penalty.backward",
                        {{"offsets", offsets},
-                        {"weight", weight},
                         {"neighbourBegin", mesh.adjacency.begin},
                         {"neighbours", mesh.adjacency.neighbours},
                         {"bends", bends},
                         {"dloss", graph.gradient(loss)},
                         {"doffsets", graph.gradientTarget(offsets)}},
                        params, vertices);
+    });
+    return loss;
+}
+
+Tensor foldPenalty(Graph& graph, const Tensor& verts, const Tensor& reference, const Tensor& weight,
+                   const MeshTensors& mesh, float least) {
+    checkVerts(verts, mesh);
+    checkVerts(reference, mesh);
+    CHECK(weight.elements() == mesh.faceCount, "a face has a weight");
+    const uint32_t faces = u32(mesh.faceCount), rows = std::max(faces, 1u);
+    const FoldPenaltyParams params{faces, least};
+    Tensor terms = graph.temporary({rows}), walls = graph.temporary({rows, 4});
+    graph.beginOp("fold_penalty");
+    graph.dispatch("mesh/fold_penalty.forward",
+                   {{"verts", verts},
+                    {"reference", reference},
+                    {"faces", mesh.faces},
+                    {"weight", weight},
+                    {"terms", terms},
+                    {"walls", walls}},
+                   params, faces);
+    Tensor loss = sum(graph, terms, faces);
+    graph.differentiate({verts}, {loss}, [=, &graph] {
+        Tensor dfaces = graph.temporary({rows, 3});
+        graph.dispatch("mesh/fold_penalty.backward",
+                       {{"walls", walls}, {"dloss", graph.gradient(loss)}, {"dfaces", dfaces}},
+                       params, faces);
+        graph.dispatch("mesh/corner_gradient.from_faces",
+                       {{"verts", verts},
+                        {"cornerBegin", mesh.cornerBegin},
+                        {"corners", mesh.corners},
+                        {"dfaces", dfaces},
+                        {"dverts", graph.gradientTarget(verts)}},
+                       MeshParams{vertexCountOf(mesh), 1}, vertexCountOf(mesh));
     });
     return loss;
 }
@@ -453,14 +484,27 @@ static const Op kLaplacianLoss{{
 
 static const Op kOffsetPenalty{{
     .name = "offset_penalty",
-    .inputs = "verts[V,3] weight[V] faces:i32[F,3]",
+    .inputs = "verts[V,3] faces:i32[F,3]",
     .attributes = "stay=1 smooth=1",
     .outputs = "loss",
     .differentiable = "verts",
     .build =
         [](OpCall& c) {
-            c.result("loss", offsetPenalty(c.graph, c["verts"], c["weight"], meshOf(c), c.f("stay"),
-                                           c.f("smooth")));
+            c.result("loss",
+                     offsetPenalty(c.graph, c["verts"], meshOf(c), c.f("stay"), c.f("smooth")));
+        },
+}};
+
+static const Op kFoldPenalty{{
+    .name = "fold_penalty",
+    .inputs = "verts[V,3] reference[V,3] weight[F] faces:i32[F,3]",
+    .attributes = "least=0.25",
+    .outputs = "loss",
+    .differentiable = "verts",
+    .build =
+        [](OpCall& c) {
+            c.result("loss", foldPenalty(c.graph, c["verts"], c["reference"], c["weight"],
+                                         meshOf(c), c.f("least")));
         },
 }};
 

@@ -24,14 +24,22 @@ Tensor laplacianLoss(Graph& graph, const Tensor& verts, const MeshTensors& mesh)
 // counts 1 and has no gradient. verts [V,3], result []. Gradient to verts.
 Tensor normalConsistencyLoss(Graph& graph, const Tensor& verts, const MeshTensors& mesh);
 
-// loss = 1/V sum over the vertices of stay weight_v |x_v|^2 + smooth |x_v - the mean of x over the
-// neighbours|^2, for offsets x [V,3], m, and weight [V]. Result []. Gradient to the offsets.
-Tensor offsetPenalty(Graph& graph, const Tensor& offsets, const Tensor& weight,
-                     const MeshTensors& mesh, float stay, float smooth);
+// loss = 1/V sum over the vertices of stay |x_v|^2 + smooth |x_v - the mean of x over the
+// neighbours|^2, for offsets x [V,3], m. Result []. Gradient to the offsets.
+Tensor offsetPenalty(Graph& graph, const Tensor& offsets, const MeshTensors& mesh, float stay,
+                     float smooth);
+
+// loss = sum over the faces of weight_f max(0, least - s_f)^2, s_f = (c . c0) / |c0|^2 being what
+// is left of a face: c is its cross product, c0 that of the reference's face. s_f is 1 where
+// nothing moved, below 0 where a face is turned over. With weights that grow with a face's area no
+// sliver pulls harder than others do. verts, reference [V,3], m; weight [F]. Result []. Gradient to
+// verts.
+Tensor foldPenalty(Graph& graph, const Tensor& verts, const Tensor& reference, const Tensor& weight,
+                   const MeshTensors& mesh, float least);
 
 // y ~ (I + lambda L)^-1 x, L the combinatorial Laplacian of the mesh: x smoothed over about
-// sqrt(lambda) edges. A symmetric positive linear map of x, by so many Chebyshev iterations; 32 leave
-// 5 % of the error where lambda is 10. x, result [V,3]. No gradient.
+// sqrt(lambda) edges. A symmetric positive linear map of x, by so many Chebyshev iterations; 32
+// leave 5 % of the error where lambda is 10. x, result [V,3]. No gradient.
 Tensor smoothSolve(Graph& graph, const Tensor& x, const MeshTensors& mesh, float lambda,
                    int iterations = 32);
 

@@ -61,12 +61,8 @@ MeshStep::MeshStep(Device& device, const BodyModel& body, const std::array<float
     Tensor beta = graph.constant(std::span<const float>(betas), {10});
     RasterMesh faces = rasterMesh(graph, body.faces, body.vertexCount);
     const int64_t size = preset.size;
-    Tensor alike;
     const bool edges = preset.loss == SilhouetteLoss::Edges;
     const bool bounded = preset.stay > 0 || preset.smooth > 0;
-    if (bounded)
-        alike = graph.constant(std::vector<float>(static_cast<size_t>(body.vertexCount), 1.0f),
-                               {body.vertexCount});
     const bool coloured = edges && preset.colour > 0 && !texels.empty();
     SurfaceLook look;
     if (coloured) {
@@ -113,7 +109,7 @@ MeshStep::MeshStep(Device& device, const BodyModel& body, const std::array<float
             Tensor posed = lbs(graph, skin, rest, sample.theta, beta, sample.trans).verts;
             losses.term("offsets", 1,
                         offsetPenalty(graph, add(graph, verts, scaleShift(graph, posed, -1, 0)),
-                                      alike, network.mesh, static_cast<float>(preset.stay),
+                                      network.mesh, static_cast<float>(preset.stay),
                                       static_cast<float>(preset.smooth)));
         }
         if (preset.laplacian > 0)

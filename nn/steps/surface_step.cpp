@@ -2,6 +2,10 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <functional>
+
+#include <glm/geometric.hpp>
+#include <glm/vec3.hpp>
 
 #include "nn/ops/body.h"
 #include "nn/ops/elementwise.h"
@@ -18,6 +22,35 @@ namespace {
 AdamWOptions withRate(AdamWOptions options, double rate) {
     options.rateScale = static_cast<float>(rate);
     return options;
+}
+
+// What has to be left of a face, seen from where its normal pointed at the stage's start.
+constexpr float kLeastFace = .25f;
+// Hair and cloth grow where the paper lets vertices move, so faces turn there for good reasons; on
+// face, hands and soles, where K(v) is 0, they do not.
+constexpr float kMovingFaces = .3f;
+
+// Of each face [F]: its part of the area of the surface verts [V,3], times kMovingFaces but where
+// K(v) holds a corner.
+std::vector<float> foldWeights(const BodyModel& body, const std::vector<float>& verts) {
+    const std::vector<float> bounds = clampBounds(body, ClampBounds::Paper);
+    std::vector<float> weights;
+    double area = 0;
+    for (size_t f = 0; f < static_cast<size_t>(body.faceCount); ++f) {
+        std::array<glm::dvec3, 3> corners;
+        bool held = false;
+        for (size_t k = 0; k < 3; ++k) {
+            const auto v = static_cast<size_t>(body.faces[3 * f + k]);
+            corners[k] = {verts[3 * v], verts[3 * v + 1], verts[3 * v + 2]};
+            held |= bounds[v] == 0;
+        }
+        const double twice =
+            glm::length(glm::cross(corners[1] - corners[0], corners[2] - corners[0]));
+        area += twice;
+        weights.push_back(static_cast<float>(held ? twice : kMovingFaces * twice));
+    }
+    for (float& weight : weights) weight /= static_cast<float>(area);
+    return weights;
 }
 
 }  // namespace
@@ -114,10 +147,18 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceStart sta
         samples.push_back(sample);
     }
     if (start_.movesOffsets) {
-        Tensor alike = graph.constant(std::vector<float>(static_cast<size_t>(V), 1.0f), {V});
         losses.term("offsets", 1,
-                    offsetPenalty(graph, own, alike, mesh, static_cast<float>(preset.stay),
+                    offsetPenalty(graph, own, mesh, static_cast<float>(preset.stay),
                                   static_cast<float>(preset.smooth)));
+        if (preset.folds > 0) {
+            std::vector<float> first = body.templateVertices;
+            std::ranges::transform(first, start_.offsets, first.begin(), std::plus());
+            losses.term(
+                "folds", preset.folds,
+                foldPenalty(graph, rest, graph.constant(std::span<const float>(first), {V, 3}),
+                            graph.constant(foldWeights(body, first), {body.faceCount}), mesh,
+                            kLeastFace));
+        }
     }
     if (movesTexels && preset.stayTexels > 0) {  // their mean square
         const auto count = static_cast<size_t>(texture * texture);

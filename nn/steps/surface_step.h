@@ -52,6 +52,7 @@ namespace doppel {
     NUMBER(double, stayTexels, 0, 0, kNoLimit,                                                   \
            "weight of texels near those that frames gave first")                                 \
     NUMBER(double, smooth, 500, 0, kNoLimit, "weight of smooth offsets")                         \
+    NUMBER(double, folds, 1, 0, kNoLimit, "weight of faces that keep their side and an area")    \
     NUMBER(double, lambda, 10, 0, 1e4, "how far a step of the offsets is smoothed, edges squared")
 struct SurfacePreset {
     NUMBERS(SURFACE_NUMBERS)
@@ -85,7 +86,7 @@ struct SurfaceStep {
     // neighbours (nn/ops/texture.h) adds to those at the start, for a picture tells nothing finer.
     Parameters corrections, offsets, texels;
     Graph graph;
-    Losses losses{graph};  // silhouette (L_s), colour (L_c), prior, offsets, texels
+    Losses losses{graph};  // silhouette (L_s), colour (L_c), prior, offsets, folds, texels
     std::vector<Sample> samples;
 
     SurfaceStep(Device& device, const BodyModel& body, SurfaceStart start,

@@ -1,7 +1,7 @@
 // What it costs a surface to leave its rest: with x the vertices' offsets and y_v = x_v - the mean of
 // x over the neighbours,
-//     loss = scale sum_v (stay weight_v |x_v|^2 + smooth |y_v|^2),
-//     dx_v = 2 scale dloss (stay weight_v x_v + smooth (y_v - sum over the neighbours j of
+//     loss = scale sum_v (stay |x_v|^2 + smooth |y_v|^2),
+//     dx_v = 2 scale dloss (stay x_v + smooth (y_v - sum over the neighbours j of
 //            y_j / degree_j)).
 // x [V,3]. The offsets are smooth, not the surface: what the body's own shape has of creases stays.
 // Metres; scale is one over the number of vertices. A vertex without neighbours has y = 0.
@@ -9,15 +9,14 @@
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "mesh/params.h"
-PARAMS(OffsetPenaltyParams, 8)
+PARAMS(OffsetPenaltyParams, 7)
 BUFFER(0, readonly, vec3, offsets);        // [V,3]
-BUFFER(1, readonly, float, weight);        // [V]
-BUFFER(2, readonly, int, neighbourBegin);  // [V+1]
-BUFFER(3, readonly, int, neighbours);      // [2E]
-BUFFER(4, writeonly, float, terms);        // [V]
-BUFFER(5, readwrite, vec3, bends);         // [V,3] y
-BUFFER(6, readonly, float, dloss);         // [1]
-BUFFER(7, writeonly, vec3, doffsets);      // [V,3]
+BUFFER(1, readonly, int, neighbourBegin);  // [V+1]
+BUFFER(2, readonly, int, neighbours);      // [2E]
+BUFFER(3, writeonly, float, terms);        // [V]
+BUFFER(4, readwrite, vec3, bends);         // [V,3] y
+BUFFER(5, readonly, float, dloss);         // [1]
+BUFFER(6, writeonly, vec3, doffsets);      // [V,3]
 
 ENTRY(forward) {
     uint v = linearIndex();
@@ -27,7 +26,7 @@ ENTRY(forward) {
     for (int i = begin; i < end; ++i) sum += offsets.d[neighbours.d[i]] - x;
     vec3 y = -sum / max(float(end - begin), 1);
     bends.d[v] = y;
-    terms.d[v] = params.scale * (params.stay * weight.d[v] * dot(x, x) + params.smoothness * dot(y, y));
+    terms.d[v] = params.scale * (params.stay * dot(x, x) + params.smoothness * dot(y, y));
 }
 
 ENTRY(backward) {
@@ -39,6 +38,6 @@ ENTRY(backward) {
         int j = neighbours.d[i];
         sum -= bends.d[j] / float(neighbourBegin.d[j + 1] - neighbourBegin.d[j]);
     }
-    vec3 d = params.stay * weight.d[v] * offsets.d[v] + params.smoothness * sum;
+    vec3 d = params.stay * offsets.d[v] + params.smoothness * sum;
     doffsets.d[v] = 2 * params.scale * dloss.d[0] * d;
 }

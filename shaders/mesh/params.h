@@ -31,6 +31,10 @@ struct OffsetPenaltyParams {
     uint vertices;
     float scale, stay, smoothness;
 };
+struct FoldPenaltyParams {
+    uint faces;
+    float least;
+};
 struct SmoothSolveParams {
     uint vertices;
     float lambda;
