@@ -1,13 +1,16 @@
 #include "trainer/commands/render.h"
 
 #include <algorithm>
+#include <charconv>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "engine/files/npz.h"
 #include "trainer/avatar/background.h"
 #include "trainer/avatar/export.h"
-#include "trainer/avatar/picture_sequence.h"
+#include "trainer/avatar/films/footage.h"
+#include "trainer/avatar/films/picture_sequence.h"
 #include "trainer/avatar/rendering.h"
 #include "trainer/commands/command.h"
 #include "trainer/data/frame_selection.h"
@@ -29,12 +32,136 @@ Camera scaled(Camera camera, int size) {
     return camera;
 }
 
+bool isColour(const std::string& text) {
+    return text.size() == 7 && text[0] == '#' &&
+           text.find_first_not_of("0123456789abcdefABCDEF", 1) == std::string::npos;
+}
+
+// The file or folder that --background names; empty where it is a word or a colour.
+std::filesystem::path backgroundFile(const RenderOptions& options) {
+    const std::string& text = options.background;
+    return text == "capture" || text == "none" || isColour(text) ? "" : text;
+}
+
+// What is behind the avatar, however it was asked for, and what it takes to know it.
+class Behind {
+public:
+    // chosen: the motion's frames that the shots show; times: in seconds, of each shot in footage.
+    Behind(const RenderOptions& options, const std::vector<Shot>& shots,
+           const std::vector<size_t>& chosen, const std::vector<double>& times);
+
+    // Null: nothing is.
+    std::function<std::vector<float>(size_t)> picture;
+    std::optional<Footage> footage;
+
+private:
+    std::optional<Capture> capture_;
+    std::unique_ptr<FrameCache> frames_;
+    std::unique_ptr<BackgroundPlate> plate_;
+};
+
+// Pictures of footage by the number of the shot; says what is done to it.
+std::function<std::vector<float>(size_t)> shown(Footage& footage, const std::vector<Shot>& shots,
+                                                const std::vector<size_t>& chosen,
+                                                const std::vector<double>& times) {
+    const Camera& first = shots[0].camera;
+    if (const std::string note = footage.note(times.back(), first.width, first.height);
+        !note.empty())
+        fmt::print(stderr, "{}\n", note);
+    return [&](size_t i) {
+        return footage.at(times[i], chosen[i], shots[i].camera.width, shots[i].camera.height);
+    };
+}
+
+Behind::Behind(const RenderOptions& options, const std::vector<Shot>& shots,
+               const std::vector<size_t>& chosen, const std::vector<double>& times) {
+    if (options.background == "none") return;
+    if (const std::filesystem::path file = backgroundFile(options); !file.empty()) {
+        footage.emplace(file, 3);
+        picture = shown(*footage, shots, chosen, times);
+        return;
+    }
+    std::string colour = options.background;
+    if (colour == "capture") {
+        colour = "#7f7f7f";
+        const bool ownCameras = options.camera == "capture" && options.size == 0;
+        if (ownCameras && std::filesystem::is_directory(options.motion / "images"))
+            capture_ = readCapture(options.motion);
+        if (capture_ && !capture_->hasMasks()) {
+            fmt::print(stderr,
+                       "{}: it has no masks, which tell what is behind the person; the background "
+                       "is grey (--background takes another colour)\n",
+                       options.motion.string());
+            capture_.reset();
+        }
+    }
+    if (!capture_) {
+        picture = [&shots, colour](size_t i) { return plainBackground(colour, shots[i].camera); };
+        return;
+    }
+    // The plate is of all frames: more of them show what is behind the person.
+    frames_ = std::make_unique<FrameCache>(*capture_);
+    plate_ = std::make_unique<BackgroundPlate>(*capture_, *frames_);
+    picture = [this, &chosen](size_t i) { return plate_->behind(*frames_->load(chosen[i])); };
+}
+
+// ---- sound --------------------------------------------------------------------------------------
+
+// The second of the clip that a capture was made of at which one of its frames was seen: as the
+// import noted, or else by the number in the frame's name.
+double timeInClip(const Capture& capture, size_t frame, const std::filesystem::path& clip) {
+    const std::string& name = capture.frames.at(frame).name;
+    int64_t number = 0;
+    std::from_chars(name.data(), name.data() + name.size(), number);
+    const std::filesystem::path notes = capture.folder / "landmarks.npz";
+    std::error_code ignored;
+    if (std::filesystem::exists(notes, ignored)) {
+        const Npz npz = readNpz(notes);
+        if (npz.has("number") && npz.has("time")) {
+            const std::vector<double> numbers = npz.at("number").toF64(),
+                                      times = npz.at("time").toF64();
+            for (size_t i = 0; i < std::min(numbers.size(), times.size()); ++i)
+                if (numbers[i] == double(number) && times[i] >= 0) return times[i];
+        }
+    }
+    const double rate = VideoReader(clip).framesPerSecond();
+    return rate > 0 ? std::max(double(number), 0.) / rate : 0;
+}
+
+// The sound that goes with a film: of the film behind, or else of the clip that the motion was
+// seen in, or of a file. begin: the second of footage at which the film begins. keptSpeed: the
+// motion goes as fast as it went in its clip.
+std::optional<SoundSource> soundOf(const RenderOptions& options, const Behind& behind,
+                                   const std::vector<size_t>& chosen, double begin,
+                                   bool keptSpeed) {
+    if (options.audio == "none") return {};
+    if (options.audio != "source") return SoundSource{options.audio, begin};
+    const VideoKind* kind = videoKindOf(options.out);
+    if (kind == nullptr || !kind->keepsSound()) return {};
+    if (behind.footage && behind.footage->isFilm() && hasSound(behind.footage->path()))
+        return SoundSource{behind.footage->path(), begin};
+    if (!std::filesystem::is_directory(options.motion / "images")) return {};
+    const Capture capture = readCapture(options.motion);
+    const auto named = capture.source.find("folder");
+    std::error_code ignored;
+    if (named == capture.source.end() ||
+        !std::filesystem::is_regular_file(named->second, ignored) || !hasSound(named->second))
+        return {};
+    if (!keptSpeed) {
+        fmt::print(stderr, "{}: its sound is left out, since --fps changes the motion's speed\n",
+                   named->second);
+        return {};
+    }
+    return SoundSource{named->second, timeInClip(capture, chosen[0], named->second)};
+}
+
 }  // namespace
 
 void runRender(const RenderOptions& options) {
     catchInterrupts();
     const auto apart = isFilm(options.out) ? requireFileApart : requireApart;
-    apart(options.out, {options.avatar, options.motion, options.camera});
+    apart(options.out, {options.avatar, options.motion, options.camera, backgroundFile(options),
+                        options.occluder, options.audio});
     Avatar avatar = readAvatar(options.avatar);
     TextureKind texture = textureKind(options.texture);
     requireTexture(avatar, texture, options.avatar);
@@ -42,6 +169,7 @@ void runRender(const RenderOptions& options) {
     if (const std::string taken = takenAs(motion); !taken.empty())
         fmt::print(stderr, "{}: {}\n", options.motion.string(), taken);
     std::vector<size_t> chosen = selectFrames(options.frames, motion.size());
+    const double rate = motion.fps;
     // Smoothed whole, so that a part of a motion moves as it does in the whole.
     motion = smoothed(std::move(motion), options.smooth).subset(chosen);
     Device device(options.common.deviceOptions());
@@ -64,35 +192,24 @@ void runRender(const RenderOptions& options) {
     }
     for (Shot& shot : shots) shot.camera = scaled(shot.camera, options.size);
 
-    std::function<std::vector<float>(size_t)> background = [&](size_t i) {
-        return plainBackground(options.background, shots[i].camera);
-    };
-    std::optional<Capture> capture;
-    std::unique_ptr<FrameCache> frames;
-    std::unique_ptr<BackgroundPlate> plate;
-    if (options.background == "capture") {
-        bool ownCameras = options.camera == "capture" && options.size == 0;
-        bool pictures = std::filesystem::is_directory(options.motion / "images");
-        if (ownCameras && pictures) capture = readCapture(options.motion);
-        if (capture && !capture->hasMasks()) {
-            fmt::print(stderr,
-                       "{}: it has no masks, which tell what is behind the person; the background "
-                       "is grey (--background takes another colour)\n",
-                       options.motion.string());
-            capture.reset();
-        }
-        if (!capture) {
-            background = [&](size_t i) { return plainBackground("#7f7f7f", shots[i].camera); };
-        } else {
-            // The plate is of all frames: more of them show what is behind the person.
-            frames = std::make_unique<FrameCache>(*capture);
-            plate = std::make_unique<BackgroundPlate>(*capture, *frames);
-            background = [&](size_t i) { return plate->behind(*frames->load(chosen[i])); };
-        }
+    const double fps = options.fps > 0 ? options.fps : motion.fps > 0 ? motion.fps : 25;
+    // Films beside the motion begin with it and go as fast as it does, and --frames are frames of
+    // both.
+    std::vector<double> times;
+    const double step = (motion.fps > 0 ? motion.fps / fps : 1) / (rate > 0 ? rate : 25);
+    for (size_t frame : chosen) times.push_back(double(frame) * step);
+
+    Behind behind(options, shots, chosen, times);
+    Layers layers{.background = behind.picture, .shadow = options.shadow};
+    std::optional<Footage> occluder;
+    if (!options.occluder.empty()) {
+        occluder.emplace(options.occluder, 1);
+        layers.occluder = shown(*occluder, shots, chosen, times);
     }
-    double fps = options.fps > 0 ? options.fps : motion.fps > 0 ? motion.fps : 25;
-    double change =
-        renderShots(device, avatar, shots, background, options.out, fps, "render", texture);
+    const std::optional<SoundSource> sound =
+        soundOf(options, behind, chosen, times[0], std::abs(fps / motion.fps - 1) < .01);
+    const double change =
+        renderShots(device, avatar, shots, layers, options.out, fps, "render", texture, sound);
     if (options.common.json)
         printJson(nlohmann::ordered_json{
             {"frames", shots.size()}, {"out", options.out.string()}, {"mean_change", change}});
@@ -110,10 +227,25 @@ void declareFlags(CommandFlags& flags, RenderOptions& o) {
         .path("--motion", o.motion,
               "A capture, a poses.npz, BVH, glTF, AMASS or an estimator's poses (docs/formats.md)")
         ->required();
-    flags.path("--out", o.out, "FILE.mp4, or a folder for PNG pictures")->required();
+    flags
+        .path("--out", o.out,
+              "FILE.mp4, .webm, .mov (ProRes 4444), .webp or .gif, or a folder for PNG pictures")
+        ->required();
     flags->add_option("--camera", o.camera, "capture, turntable, or a cameras.npz")
         ->capture_default_str();
-    flags->add_option("--background", o.background, "capture, or a colour as \"#rrggbb\"")
+    flags
+        ->add_option(
+            "--background", o.background,
+            "capture, none (transparent), a colour as \"#rrggbb\", or a picture, a film or a "
+            "folder of pictures, scaled to cover; a film that ends is held")
+        ->capture_default_str();
+    flags.path("--occluder", o.occluder,
+               "What is in front of the avatar, white: a mask, a film or a folder of masks");
+    flags->add_flag("--shadow", o.shadow, "A soft shadow on the ground under the body");
+    flags
+        ->add_option("--audio", o.audio,
+                     "Sound of .mp4, .webm and .mov: source (of the film behind, or of the "
+                     "motion's clip), none, or a file")
         ->capture_default_str();
     flags.texture(o.texture);
     flags
@@ -131,14 +263,19 @@ void declareFlags(CommandFlags& flags, RenderOptions& o) {
     flags.frames(o.frames, "Frames of the motion to draw");
 }
 
-void checkBackground(RenderOptions& options) {
-    const std::string& text = options.background;
-    if (text == "capture") return;
-    const bool colour = text.size() == 7 && text[0] == '#' &&
-                        text.find_first_not_of("0123456789abcdefABCDEF", 1) == std::string::npos;
-    if (!colour) {
-        throwInput("--background: expected capture or a colour as #rrggbb, found \"{}\"", text);
-    }
+void checkFiles(RenderOptions& options) {
+    std::error_code ignored;
+    const std::filesystem::path file = backgroundFile(options);
+    if (!file.empty() && !std::filesystem::exists(file, ignored))
+        throwInput(
+            "--background: expected capture, none, a colour as #rrggbb, or a picture, a film or a "
+            "folder of pictures that is there, found \"{}\"",
+            options.background);
+    if (options.audio != "source" && options.audio != "none" &&
+        !std::filesystem::exists(options.audio, ignored))
+        throwInput(
+            "--audio: expected source, none, or a file with sound that is there, found \"{}\"",
+            options.audio);
 }
 
 const Command<RenderOptions> kRender{{
@@ -148,7 +285,7 @@ const Command<RenderOptions> kRender{{
     .example = "doppel render avatar --motion box --camera turntable --background \"#ffffff\" "
                "--out dance.mp4",
     .flags = declareFlags,
-    .check = checkBackground,
+    .check = checkFiles,
     .run = runRender,
 }};
 
