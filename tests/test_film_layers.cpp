@@ -11,6 +11,7 @@
 #include "tests/film_reader.h"
 #include "tests/op_test.h"
 #include "trainer/avatar/background.h"
+#include "trainer/avatar/films/colour_match.h"
 #include "trainer/avatar/films/contact_shadow.h"
 #include "trainer/avatar/films/footage.h"
 #include "trainer/avatar/films/layers.h"
@@ -302,6 +303,86 @@ TEST(Render, WhatIsInFrontIsTakenOutOfTheAvatar) {
             }
         }
     EXPECT_GT(covered, 100u);
+}
+
+// ---- colours ------------------------------------------------------------------------------------
+
+// A grey square, its left half darker, its edge covered by half.
+Drawing greySquare() {
+    Drawing drawing{32, 32, std::vector<float>(3 * 32 * 32), std::vector<uint8_t>(32 * 32)};
+    for (size_t y = 10; y < 22; ++y)
+        for (size_t x = 10; x < 22; ++x) {
+            const bool edge = x == 10 || x == 21;
+            drawing.mask[32 * y + x] = edge ? 128 : 255;
+            for (size_t c = 0; c < 3; ++c)
+                drawing.rgb[3 * (32 * y + x) + c] =
+                    (x < 16 ? .4f : .6f) * (edge ? 128 / 255.f : 1.f);
+        }
+    return drawing;
+}
+
+TEST(ColourMatch, FollowsTheTintThatIsAround) {
+    std::vector<float> warm, same;
+    for (size_t i = 0; i < 32 * 32; ++i) {
+        warm.insert(warm.end(), {.7f, .5f, .3f});
+        same.insert(same.end(), 3, i % 2 == 0 ? .4f : .6f);
+    }
+    Drawing drawing = greySquare();
+    ColourMatch().apply(drawing, same);
+    for (size_t i = 0; i < drawing.rgb.size(); ++i)
+        ASSERT_NEAR(drawing.rgb[i], greySquare().rgb[i], .005) << "as it was: nothing differs";
+    drawing = greySquare();
+    ColourMatch match;
+    match.apply(drawing, warm);
+    EXPECT_GT(match.gain()[0], 1.1);
+    EXPECT_LT(match.gain()[2], .9);
+    EXPECT_EQ(drawing.mask, greySquare().mask);
+    const size_t inside = 3 * (32 * 15 + 18), edge = 3 * (32 * 15 + 21);
+    EXPECT_GT(drawing.rgb[inside], .62f);
+    EXPECT_LT(drawing.rgb[inside + 2], .55f);
+    for (size_t c = 0; c < 3; ++c)
+        EXPECT_NEAR(drawing.rgb[edge + c] * 255 / 128, drawing.rgb[inside + c], 1e-4)
+            << "weighted by the cover as before";
+    // The next picture moves it by a tenth.
+    const float red = match.gain()[0];
+    Drawing next = greySquare();
+    match.apply(next, same);
+    EXPECT_NEAR(match.gain()[0], red + .1f * (1 - red), .01);
+}
+
+TEST(ColourMatch, IsGentleWhateverIsAround) {
+    for (const std::array<float, 3> colour :
+         {std::array{0.f, 0.f, 0.f}, {0.f, 0.f, 1.f}, {1.f, 1.f, 1.f}}) {
+        std::vector<float> around;
+        for (size_t i = 0; i < 32 * 32; ++i)
+            around.insert(around.end(), colour.begin(), colour.end());
+        Drawing drawing = greySquare();
+        ColourMatch match;
+        match.apply(drawing, around);
+        for (float gain : match.gain()) {
+            EXPECT_GE(gain, 1 / (1.25f * 1.15f) - 1e-4f);
+            EXPECT_LE(gain, 1.25f * 1.15f + 1e-4f);
+        }
+        EXPECT_GE(match.contrast(), 1 / 1.15f - 1e-4f);
+        for (size_t i = 0; i < drawing.rgb.size(); ++i)
+            ASSERT_LE(drawing.rgb[i], drawing.mask[i / 3] / 255.f + 1e-6f);
+    }
+    // Nothing to see: nothing is done.
+    Drawing nothing{4, 4, std::vector<float>(48), std::vector<uint8_t>(16)};
+    ColourMatch().apply(nothing, std::vector<float>(48, .5f));
+    EXPECT_EQ(nothing.rgb, std::vector<float>(48));
+}
+
+TEST(Render, MatchesColoursWhereItIsAsked) {
+    Scene scene;
+    const Image plain = scene.pictures("plain", 3).at(0);
+    scene.options.matchColours = true;
+    const Image matched = scene.pictures("matched", 3).at(0);
+    EXPECT_EQ(matched.pixel(1, 1)[2], 200) << "what is behind stays";
+    // Before blue: less red, more blue.
+    EXPECT_LT(matched.pixel(kSize / 2, kSize / 2)[0], plain.pixel(kSize / 2, kSize / 2)[0]);
+    EXPECT_GT(matched.pixel(kSize / 2, kSize / 2)[2] * plain.pixel(kSize / 2, kSize / 2)[0],
+              plain.pixel(kSize / 2, kSize / 2)[2] * matched.pixel(kSize / 2, kSize / 2)[0]);
 }
 
 // ---- shadow -------------------------------------------------------------------------------------

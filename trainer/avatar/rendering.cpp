@@ -10,6 +10,7 @@
 #include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/background.h"
 #include "trainer/avatar/export.h"
+#include "trainer/avatar/films/colour_match.h"
 #include "trainer/avatar/films/contact_shadow.h"
 #include "trainer/avatar/films/picture_sequence.h"
 #include "trainer/avatar/sheet.h"
@@ -120,18 +121,21 @@ double renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>
         grounds = groundsOf(*poser, theta, trans, avatar.betas);
     }
     AvatarRenderer renderer(device, avatar, true, texture);
+    ColourMatch match;
     Image before;
     double difference = 0;
     size_t compared = 0;
     auto keep = [&](size_t i, Drawing drawing, const std::vector<float>& verts) {
         const Camera& camera = shots[i].camera;
+        std::vector<float> behind;
+        if (layers.background) behind = layers.background(i);
+        if (layers.background && layers.matchColours) match.apply(drawing, behind);
         if (layers.shadow)
             addShadow(drawing, contactShadow(verts, avatar.body.faces, grounds[i], camera));
         if (layers.occluder) occlude(drawing, layers.occluder(i));
-        Image image = layers.background
-                          ? toImage(composite(drawing.rgb, drawing.mask, layers.background(i)),
-                                    camera.width, camera.height)
-                          : straightAlpha(drawing, film);
+        Image image = layers.background ? toImage(composite(drawing.rgb, drawing.mask, behind),
+                                                  camera.width, camera.height)
+                                        : straightAlpha(drawing, film);
         pictures.add(image);
         if (i > 0 && image.data.size() == before.data.size() && image.width == before.width) {
             for (size_t k = 0; k < image.data.size(); ++k)

@@ -200,7 +200,9 @@ void runRender(const RenderOptions& options) {
     for (size_t frame : chosen) times.push_back(double(frame) * step);
 
     Behind behind(options, shots, chosen, times);
-    Layers layers{.background = behind.picture, .shadow = options.shadow};
+    Layers layers{.background = behind.picture,
+                  .shadow = options.shadow,
+                  .matchColours = options.matchColours};
     std::optional<Footage> occluder;
     if (!options.occluder.empty()) {
         occluder.emplace(options.occluder, 1);
@@ -242,6 +244,8 @@ void declareFlags(CommandFlags& flags, RenderOptions& o) {
     flags.path("--occluder", o.occluder,
                "What is in front of the avatar, white: a mask, a film or a folder of masks");
     flags->add_flag("--shadow", o.shadow, "A soft shadow on the ground under the body");
+    flags->add_flag("--match-colours", o.matchColours,
+                    "Bring the avatar's colours towards those behind it, by a little");
     flags
         ->add_option("--audio", o.audio,
                      "Sound of .mp4, .webm and .mov: source (of the film behind, or of the "
@@ -271,6 +275,12 @@ void checkFiles(RenderOptions& options) {
             "--background: expected capture, none, a colour as #rrggbb, or a picture, a film or a "
             "folder of pictures that is there, found \"{}\"",
             options.background);
+    if (!options.occluder.empty() && !std::filesystem::exists(options.occluder, ignored))
+        throwInput(
+            "--occluder: expected a mask, a film or a folder of masks that is there, found \"{}\"",
+            options.occluder.string());
+    if (options.matchColours && options.background == "none")
+        throwInput("--match-colours: expected something behind to match, found --background none");
     if (options.audio != "source" && options.audio != "none" &&
         !std::filesystem::exists(options.audio, ignored))
         throwInput(

@@ -16,7 +16,7 @@ struct RenderOptions {
     // "capture", "none", a colour "#rrggbb", or a picture, a film or a folder of pictures.
     std::string background = "capture";
     std::filesystem::path occluder;  // masks of what is in front: as the background; empty: nothing
-    bool shadow = false;
+    bool shadow = false, matchColours = false;
     std::string audio = "source";  // "source", "none", or a file that has sound
     std::string texture = "best";        // a word of textureKind()
     double smooth = 0;                   // frames; see smoothed()

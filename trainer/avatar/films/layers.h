@@ -17,7 +17,8 @@ struct Layers {
     std::function<std::vector<float>(size_t)> background;
     // [H,W] in [0,1]: how much is in front of the avatar and its shadow. Null: nothing.
     std::function<std::vector<float>(size_t)> occluder = {};
-    bool shadow = false;  // on the ground (contact_shadow.h)
+    bool shadow = false;        // on the ground (contact_shadow.h)
+    bool matchColours = false;  // to the background (colour_match.h)
 };
 
 // Darkens what is behind the avatar by shadow [H,W], of which 1 is black, by covering it.
