@@ -137,6 +137,8 @@ double renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>
                                                   camera.width, camera.height)
                                         : straightAlpha(drawing, film);
         pictures.add(image);
+        // Colours that nothing covers are not seen to change.
+        if (!layers.background) image = toImage(drawing.rgb, camera.width, camera.height);
         if (i > 0 && image.data.size() == before.data.size() && image.width == before.width) {
             for (size_t k = 0; k < image.data.size(); ++k)
                 difference += std::abs(int{image.data[k]} - int{before.data[k]});

@@ -4,12 +4,14 @@
 #include <cmath>
 #include <glm/glm.hpp>
 #include <numbers>
+#include <numeric>
 
 namespace doppel {
 
 namespace {
 
 constexpr size_t kWindow = 25;     // poses before and after that say where the ground is
+constexpr double kLow = .3;        // of their lowest points, sorted: this one is on the ground
 constexpr double kCell = .025;     // metres
 constexpr int kCells = 128;        // along a side of the part of the ground that is looked at
 constexpr double kStrength = .85;  // light comes from walls, too
@@ -19,16 +21,14 @@ glm::dvec3 vertex(std::span<const float> verts, size_t v) {
     return {verts[3 * v], verts[3 * v + 1], verts[3 * v + 2]};
 }
 
-// Sums over [i - kWindow, i + kWindow], as far as they exist.
+// join(begin, end) of the values at [i - kWindow, i + kWindow], as far as they exist, for each i.
 template <typename T, typename Join>
 std::vector<T> overWindow(const std::vector<T>& values, Join join) {
     std::vector<T> result;
     for (size_t i = 0; i < values.size(); ++i) {
         const size_t begin = i > kWindow ? i - kWindow : 0;
-        T joined = values[begin];
-        for (size_t k = begin + 1; k <= std::min(i + kWindow, values.size() - 1); ++k)
-            joined = join(joined, values[k]);
-        result.push_back(joined);
+        const size_t end = std::min(i + kWindow + 1, values.size());
+        result.push_back(join(std::span(values).subspan(begin, end - begin)));
     }
     return result;
 }
@@ -120,7 +120,9 @@ std::vector<Ground> groundsOf(BodyPoser& poser, std::span<const Theta> theta,
             for (int k = 0; k < 3; ++k) feet[k] += posed.joints[joint][static_cast<size_t>(k)] / 4;
         leans.push_back(middle - feet);
     }
-    leans = overWindow(leans, [](const glm::dvec3& a, const glm::dvec3& b) { return a + b; });
+    leans = overWindow(leans, [](std::span<const glm::dvec3> some) {
+        return std::accumulate(some.begin(), some.end(), glm::dvec3(0));
+    });
     std::vector<double> lows;
     for (size_t i = 0; i < theta.size(); ++i) {
         leans[i] = glm::length(leans[i]) > 1e-6 ? glm::normalize(leans[i]) : glm::dvec3(0, -1, 0);
@@ -130,15 +132,18 @@ std::vector<Ground> groundsOf(BodyPoser& poser, std::span<const Theta> theta,
             low = std::min(low, glm::dot(leans[i], vertex(posed.verts, v)));
         lows.push_back(low);
     }
-    const std::vector<double> lowest =
-        overWindow(lows, [](double a, double b) { return std::min(a, b); });
+    const std::vector<double> levels = overWindow(lows, [](std::span<const double> some) {
+        std::vector<double> sorted(some.begin(), some.end());
+        std::ranges::sort(sorted);
+        return sorted[static_cast<size_t>(kLow * double(sorted.size() - 1))];
+    });
     // Smoothed, so that the ground does not step.
-    const std::vector<double> sums = overWindow(lowest, [](double a, double b) { return a + b; });
-    const std::vector<double> counts =
-        overWindow(std::vector<double>(lowest.size(), 1), [](double a, double b) { return a + b; });
+    const std::vector<double> smooth = overWindow(levels, [](std::span<const double> some) {
+        return std::accumulate(some.begin(), some.end(), 0.) / double(some.size());
+    });
     std::vector<Ground> grounds;
     for (size_t i = 0; i < lows.size(); ++i)
-        grounds.push_back({{leans[i].x, leans[i].y, leans[i].z}, sums[i] / counts[i]});
+        grounds.push_back({{leans[i].x, leans[i].y, leans[i].z}, smooth[i]});
     return grounds;
 }
 

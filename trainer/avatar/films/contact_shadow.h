@@ -17,8 +17,8 @@ struct Ground {
 };
 
 // One ground per pose, in the order of time. Up is where the bodies are, seen from their feet, on
-// average over a second or so about each pose, since who stands is balanced; the level is the
-// lowest that they reach meanwhile, so that it follows poses that drift, and not a jump.
+// average over a second or so about each pose, since who stands is balanced; the level is where
+// their lowest points mostly are meanwhile, so that it follows poses that drift, and not a jump.
 std::vector<Ground> groundsOf(BodyPoser& poser, std::span<const Theta> theta,
                               std::span<const Trans> trans, const Betas& betas);
 
