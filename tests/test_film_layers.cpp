@@ -213,6 +213,23 @@ TEST(Footage, AFolderHasAPictureOfEachFrame) {
                   ": it has 3 pictures, and frame 3 of the motion has none; frames count from 0");
 }
 
+TEST(Footage, AMaskThatIsCutOutIsItsAlpha) {
+    Folder folder;
+    Image cut(4, 4, 4, 255);
+    for (int y = 0; y < 4; ++y) cut.pixel(0, y)[3] = 0, cut.pixel(1, y)[3] = 128;
+    cut.pixel(3, 0)[0] = cut.pixel(3, 0)[1] = cut.pixel(3, 0)[2] = 0;  // black, and there
+    writeImage(folder / "cut.png", cut);
+    const std::vector<float> mask = Footage(folder / "cut.png", 1).at(0, 0, 4, 4);
+    EXPECT_EQ(mask[0], 0);
+    EXPECT_NEAR(mask[1], 128 / 255., 1e-6);
+    EXPECT_EQ(mask[3], 1);
+    // Without such alpha it is how white it is.
+    for (int y = 0; y < 4; ++y) cut.pixel(0, y)[3] = cut.pixel(1, y)[3] = 255;
+    writeImage(folder / "whole.png", cut);
+    EXPECT_EQ(Footage(folder / "whole.png", 1).at(0, 0, 4, 4)[3], 0);
+    EXPECT_EQ(Footage(folder / "whole.png", 1).at(0, 0, 4, 4)[0], 1);
+}
+
 TEST(Footage, Refusals) {
     Folder folder;
     const auto refusal = [&](const char* name) {

@@ -172,6 +172,29 @@ TEST(Films, SameFramesGiveTheSameBytes) {
     }
 }
 
+TEST(Films, PicturesOfAnySizeAreWritten) {
+    Folder folder;
+    for (const auto& [width, height] : {std::pair{1, 1}, {33, 17}, {3, 200}})
+        for (const VideoKind& kind : videoKinds())
+            for (const bool alpha : {false, true}) {
+                if (alpha && !kind.keepsAlpha()) continue;
+                const auto path = folder / (std::string("a") + kind.ending);
+                write(path, width, height, 3, {.alpha = alpha});
+                if (kind.ending == std::string(".webp")) {
+                    EXPECT_EQ(imageSize(path), (ImageSize{width, height}));
+                    continue;
+                }
+                const ReadFilm film = readFilm(path);
+                ASSERT_EQ(film.frames.size(), 3u) << kind.ending << " " << width;
+                const int more = kind.evenSides ? 1 : 0;
+                EXPECT_EQ(film.frames[0].width, width + width % 2 * more) << kind.ending;
+                EXPECT_EQ(film.frames[0].height, height + height % 2 * more) << kind.ending;
+                if (alpha && width < 8) continue;  // the ramp's first step, which is clear
+                EXPECT_NEAR(film.frames[2].pixel(width - 1, height - 1)[0], 200, 10)
+                    << kind.ending << " " << width << (alpha ? " alpha" : "");
+            }
+}
+
 TEST(Films, WhatAKindDoesNotKeepIsRefused) {
     Folder folder;
     folder.write("tone.wav", test::wavOfTone(1, 0, 1));

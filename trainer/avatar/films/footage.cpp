@@ -15,7 +15,7 @@ namespace {
 
 Image inChannels(Image image, int channels) {
     if (channels == image.channels) return image;
-    CHECK(channels == 1 && image.channels == 3, "films have colours");
+    CHECK(channels == 1 && image.channels == 3, "colours become grey");
     Image grey(image.width, image.height, 1);
     for (size_t i = 0; i < grey.data.size(); ++i) {
         const uint8_t* rgb = &image.data[3 * i];
@@ -23,6 +23,18 @@ Image inChannels(Image image, int channels) {
                                             .5f);  // as readImage() weighs them
     }
     return grey;
+}
+
+// Of a mask that is cut out, its alpha says where it is; readMask() goes by the same.
+Image readPicture(const fs::path& path, int channels) {
+    if (channels != 1) return readImage(path, channels);
+    const Image image = readImage(path, 0);
+    if (image.channels % 2 != 0) return inChannels(image, 1);
+    Image alpha(image.width, image.height, 1);
+    const size_t step = image.channelCount();
+    for (size_t i = 0; i < alpha.data.size(); ++i) alpha.data[i] = image.data[step * (i + 1) - 1];
+    const auto [least, most] = std::ranges::minmax(alpha.data);
+    return least < most ? alpha : readImage(path, 1);
 }
 
 bool isPicture(const fs::path& path) {
@@ -53,11 +65,11 @@ Footage::Footage(const fs::path& path, int channels) : path_(path), channels_(ch
         if (pictures_.empty())
             throwInput("{}: expected pictures (PNG, JPEG, TIFF, WebP, BMP), found none in it",
                        path.string());
-        shown_ = readImage(pictures_[0], channels);
+        shown_ = readPicture(pictures_[0], channels);
     } else if (readFileHead(path, 1).empty()) {
         throwInput("{}: is an empty file", path.string());
     } else if (isPicture(path)) {
-        shown_ = readImage(path, channels);
+        shown_ = readPicture(path, channels);
     } else {
         film_.emplace(path);
         if (!film_->next(shown_))
@@ -74,7 +86,8 @@ Footage::Footage(const fs::path& path, int channels) : path_(path), channels_(ch
 std::vector<float> Footage::at(double seconds, size_t frame, int width, int height) {
     if (film_) {
         // Times in files are rounded; a picture may come a quarter of its time early.
-        const double early = .25 / std::max(film_->framesPerSecond(), 1.);
+        const double rate = film_->framesPerSecond();
+        const double early = rate > 0 ? .25 / rate : 0;
         while (!next_.empty() && nextTime_ <= seconds + early) {
             shown_ = inChannels(std::move(next_), channels_);
             next_ = {};
@@ -90,7 +103,7 @@ std::vector<float> Footage::at(double seconds, size_t frame, int width, int heig
                 "{}: it has {} pictures, and frame {} of the motion has none; frames count "
                 "from 0",
                 path_.string(), pictures_.size(), frame);
-        if (frame != shownPicture_) shown_ = readImage(pictures_[frame], channels_);
+        if (frame != shownPicture_) shown_ = readPicture(pictures_[frame], channels_);
         shownPicture_ = frame;
     }
     const Image image = scaledToCover(shown_, width, height);

@@ -16,7 +16,7 @@ namespace doppel {
 // empty, damaged, no pictures.
 class Footage {
 public:
-    // channels 3: colours; 1: grey.
+    // channels 3: colours; 1: grey, or of pictures whose alpha varies that.
     Footage(const std::filesystem::path& path, int channels);
 
     // What is seen `seconds` after the film's first picture, or at frame number `frame`, [H,W,C] in
