@@ -63,7 +63,8 @@ struct Scene {
             capture.frames.push_back(
                 {name, {}, {}, {60, 60, kSize / 2., kSize / 2., kSize, kSize}});
             capture.theta.push_back(theta);
-            capture.trans.push_back({.05f * float(f), .2f, 3.2f});
+            // The last but one hops.
+            capture.trans.push_back({.05f * float(f), f == 4 ? .1f : .2f, 3.2f});
         }
         writer.commit(capture);
         options.avatar = folder / "avatar";
@@ -486,6 +487,10 @@ TEST(Render, TheShadowIsDarkUnderTheFeet) {
             if (y < kSize / 2) changedAbove += darker != 0;
         }
     EXPECT_GT(darkest, 25);
+    // A part of a motion stands where the whole does.
+    const std::vector<Image> all = scene.pictures("all", 3);
+    scene.options.frames = "4:5";
+    EXPECT_EQ(scene.pictures("part", 3).at(0).data, all.at(4).data);
     EXPECT_EQ(changedAbove, 0) << "above the horizon";
 }
 

@@ -161,6 +161,20 @@ TEST(CameraFile, PutsKnownPointsOnKnownPixels) {
     }
 }
 
+TEST(CameraFile, SeesTheMotionAsItWasSmoothed) {
+    Scene scene;
+    scene.writeCameras(scene.folder / "plain.npz", smallCamera(), kIdentity);
+    RenderOptions options = scene.options("rough");
+    options.camera = (scene.folder / "plain.npz").string();
+    options.background = "#102030";
+    runRender(options);
+    options.out = scene.folder / "smooth";
+    options.smooth = 5;
+    runRender(options);
+    EXPECT_NE(readImage(scene.folder / "smooth" / "0000.png").data,
+              readImage(scene.folder / "rough" / "0000.png").data);
+}
+
 TEST(CameraFile, MovesThePictureAsItsNumbersSay) {
     // The principal point moved by whole pixels, and the lens twice as long about it.
     Scene scene;

@@ -11,7 +11,6 @@
 #include "trainer/avatar/background.h"
 #include "trainer/avatar/export.h"
 #include "trainer/avatar/films/colour_match.h"
-#include "trainer/avatar/films/contact_shadow.h"
 #include "trainer/avatar/films/picture_sequence.h"
 #include "trainer/avatar/sheet.h"
 #include "trainer/data/pose.h"
@@ -112,14 +111,10 @@ double renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>
 
     // Bodies without the mesh network's changes are near enough for a shadow.
     std::optional<BodyPoser> poser;
-    std::vector<Ground> grounds;
-    if (layers.shadow) {
-        poser.emplace(device, avatar.body);
-        std::vector<Theta> theta;
-        std::vector<Trans> trans;
-        for (const Shot& shot : shots) theta.push_back(shot.theta), trans.push_back(shot.trans);
-        grounds = groundsOf(*poser, theta, trans, avatar.betas);
-    }
+    CHECK(layers.grounds.empty() || layers.grounds.size() == shots.size(),
+          "each shot has a ground, or none");
+    if (!layers.grounds.empty()) poser.emplace(device, avatar.body);
+
     AvatarRenderer renderer(device, avatar, true, texture);
     ColourMatch match;
     Image before;
@@ -130,8 +125,8 @@ double renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>
         std::vector<float> behind;
         if (layers.background) behind = layers.background(i);
         if (layers.background && layers.matchColours) match.apply(drawing, behind);
-        if (layers.shadow)
-            addShadow(drawing, contactShadow(verts, avatar.body.faces, grounds[i], camera));
+        if (poser)
+            addShadow(drawing, contactShadow(verts, avatar.body.faces, layers.grounds[i], camera));
         if (layers.occluder) occlude(drawing, layers.occluder(i));
         Image image = layers.background ? toImage(composite(drawing.rgb, drawing.mask, behind),
                                                   camera.width, camera.height)

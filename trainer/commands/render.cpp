@@ -105,6 +105,24 @@ Behind::Behind(const RenderOptions& options, const std::vector<Shot>& shots,
     picture = [this, &chosen](size_t i) { return plate_->behind(*frames_->load(chosen[i])); };
 }
 
+// The grounds that the shots stand on. A motion's is that of the whole, so that a part of it stands
+// where the whole does.
+std::vector<Ground> groundsFor(Device& device, const Avatar& avatar, const std::vector<Shot>& shots,
+                               const Motion& whole, const std::vector<size_t>& chosen,
+                               const RenderOptions& options) {
+    BodyPoser poser(device, avatar.body);
+    if (options.camera == "turntable") {
+        std::vector<Theta> theta;
+        std::vector<Trans> trans;
+        for (const Shot& shot : shots) theta.push_back(shot.theta), trans.push_back(shot.trans);
+        return groundsOf(poser, theta, trans, avatar.betas);
+    }
+    const std::vector<Ground> all = groundsOf(poser, whole.theta, whole.trans, avatar.betas);
+    std::vector<Ground> grounds;
+    for (size_t frame : chosen) grounds.push_back(all[frame]);
+    return grounds;
+}
+
 // ---- sound --------------------------------------------------------------------------------------
 
 // The second of the clip that a capture was made of at which one of its frames was seen: as the
@@ -171,13 +189,14 @@ void runRender(const RenderOptions& options) {
     std::vector<size_t> chosen = selectFrames(options.frames, motion.size());
     const double rate = motion.fps;
     // Smoothed whole, so that a part of a motion moves as it does in the whole.
-    motion = smoothed(std::move(motion), options.smooth).subset(chosen);
+    Motion whole = smoothed(std::move(motion), options.smooth);
+    if (options.camera != "capture" && options.camera != "turntable")
+        whole = throughCameras(std::move(whole), options.camera);
+    motion = whole.subset(chosen);
     Device device(options.common.deviceOptions());
 
     std::vector<Shot> shots;
-    if (options.camera == "capture") {
-        shots = throughOwnCameras(motion);
-    } else if (options.camera == "turntable") {
+    if (options.camera == "turntable") {
         // The motion goes on, on the spot, while the camera goes round.
         Shot shot = restShot(device, avatar, options.size > 0 ? options.size : 512);
         motion = inCameraSpace(std::move(motion));
@@ -187,8 +206,7 @@ void runRender(const RenderOptions& options) {
                 turned(shot, static_cast<double>(i) / static_cast<double>(motion.size())));
         }
     } else {
-        shots = throughOwnCameras(
-            throughCameras(readMotion(options.motion), options.camera).subset(chosen));
+        shots = throughOwnCameras(motion);
     }
     for (Shot& shot : shots) shot.camera = scaled(shot.camera, options.size);
 
@@ -200,9 +218,8 @@ void runRender(const RenderOptions& options) {
     for (size_t frame : chosen) times.push_back(double(frame) * step);
 
     Behind behind(options, shots, chosen, times);
-    Layers layers{.background = behind.picture,
-                  .shadow = options.shadow,
-                  .matchColours = options.matchColours};
+    Layers layers{.background = behind.picture, .matchColours = options.matchColours};
+    if (options.shadow) layers.grounds = groundsFor(device, avatar, shots, whole, chosen, options);
     std::optional<Footage> occluder;
     if (!options.occluder.empty()) {
         occluder.emplace(options.occluder, 1);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "engine/io/image.h"
+#include "trainer/avatar/films/contact_shadow.h"
 #include "trainer/data/body_render.h"
 
 namespace doppel {
@@ -17,7 +18,8 @@ struct Layers {
     std::function<std::vector<float>(size_t)> background;
     // [H,W] in [0,1]: how much is in front of the avatar and its shadow. Null: nothing.
     std::function<std::vector<float>(size_t)> occluder = {};
-    bool shadow = false;        // on the ground (contact_shadow.h)
+    // Where each shot's shadow falls (groundsOf); empty: there is none.
+    std::vector<Ground> grounds = {};
     bool matchColours = false;  // to the background (colour_match.h)
 };
 
