@@ -163,6 +163,10 @@ TEST(CameraFile, PutsKnownPointsOnKnownPixels) {
 
 TEST(CameraFile, SeesTheMotionAsItWasSmoothed) {
     Scene scene;
+    Motion motion = standing(3);
+    motion.trans[1][0] += .4f;  // which smoothing takes back
+    writeNpz(scene.folder / "poses.npz", posesArrays(motion.theta, motion.trans, motion.betas),
+             false);
     scene.writeCameras(scene.folder / "plain.npz", smallCamera(), kIdentity);
     RenderOptions options = scene.options("rough");
     options.camera = (scene.folder / "plain.npz").string();
@@ -171,8 +175,8 @@ TEST(CameraFile, SeesTheMotionAsItWasSmoothed) {
     options.out = scene.folder / "smooth";
     options.smooth = 5;
     runRender(options);
-    EXPECT_NE(readImage(scene.folder / "smooth" / "0000.png").data,
-              readImage(scene.folder / "rough" / "0000.png").data);
+    EXPECT_NE(readImage(scene.folder / "smooth" / "0001.png").data,
+              readImage(scene.folder / "rough" / "0001.png").data);
 }
 
 TEST(CameraFile, MovesThePictureAsItsNumbersSay) {
