@@ -307,7 +307,16 @@ TEST(CommandLine, RefusesWithOneLineAndTwo) {
     refuse({"train", "c", "--out", "a", "--set", "texture.depth=12"}, "texture.depth: expected");
     refuse({"train", "c", "--out", "a", "--seed", "-1"}, "--seed");
     refuse({"render", "a", "--motion", "m", "--out", "d", "--background", "green"},
-           "--background: expected capture or a colour as #rrggbb, found \"green\"");
+           "--background: expected capture, none, a colour as #rrggbb, or a picture, a film or a "
+           "folder of pictures that is there, found \"green\"");
+    refuse(
+        {"render", "a", "--motion", "m", "--out", "d", "--occluder", "no.png"},
+        "--occluder: expected a mask, a film or a folder of masks that is there, found \"no.png");
+    refuse({"render", "a", "--motion", "m", "--out", "d", "--audio", "no.wav"},
+           "--audio: expected source, none, or a file with sound that is there, found \"no.wav\"");
+    refuse(
+        {"render", "a", "--motion", "m", "--out", "d", "--background", "none", "--match-colours"},
+        "--match-colours: expected something behind to match, found --background none");
     refuse({"export", "a", "--out", "a.fbx"}, "--out: expected a name that ends in .glb");
     refuse({"export", "a", "--out", "a.bvh"}, "--motion: expected one for a.bvh");
     refuse({"export", "a", "--out", "a.glb", "--names", "maya"},

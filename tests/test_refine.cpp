@@ -104,10 +104,9 @@ TEST_F(Refine, APoseHeldStillDoesNotFlicker) {
     Avatar person = readAvatar(avatar());
     Shot still = restShot(testDevice(), person, 96);
     auto change = [&](const std::vector<Shot>& shots, TextureKind kind) {
-        return renderShots(
-            testDevice(), person, shots,
-            [&](size_t) { return plainBackground("#808080", still.camera); },
-            folder_->path() / "pictures", 25, "test", kind);
+        return renderShots(testDevice(), person, shots,
+                           {[&](size_t) { return plainBackground("#808080", still.camera); }},
+                           folder_->path() / "pictures", 25, "test", kind);
     };
     for (TextureKind kind : {TextureKind::Coarse, TextureKind::Refined, TextureKind::Baked})
         EXPECT_EQ(change({still, still, still}, kind), 0);

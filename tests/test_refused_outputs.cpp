@@ -31,6 +31,16 @@ TEST_F(Refusals, OutputsOverInputs) {
             refuses({command, at("source"), "--out", at("plates"), flag, at("plates/room.png")},
                     "expected a place apart from the input " + at("plates/room.png"), 2);
     refuses({"ablate", at("capture"), "--out", at("capture/o")}, "a place inside the input", 2);
+    // What is behind, in front and heard.
+    for (const char* flag : {"--background", "--occluder", "--audio"}) {
+        std::vector<std::string> words = render(at("plates"));
+        words.insert(words.end(), {flag, at("plates/room.png")});
+        refuses(words, "expected a place apart from the input " + at("plates/room.png"), 2);
+        write(*this / "room.mov", "a film");
+        words = render(at("room.mov"));
+        words.insert(words.end(), {flag, at("room.mov")});
+        refuses(words, "expected a file apart from the input " + at("room.mov"), 2);
+    }
     // By way of links, for folders and files.
     fs::create_directory_symlink(*this / "capture", *this / "alias");
     refuses(fit(at("alias")), "found the input itself", 2);

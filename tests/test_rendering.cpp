@@ -161,6 +161,24 @@ TEST(CameraFile, PutsKnownPointsOnKnownPixels) {
     }
 }
 
+TEST(CameraFile, SeesTheMotionAsItWasSmoothed) {
+    Scene scene;
+    Motion motion = standing(3);
+    motion.trans[1][0] += .4f;  // which smoothing takes back
+    writeNpz(scene.folder / "poses.npz", posesArrays(motion.theta, motion.trans, motion.betas),
+             false);
+    scene.writeCameras(scene.folder / "plain.npz", smallCamera(), kIdentity);
+    RenderOptions options = scene.options("rough");
+    options.camera = (scene.folder / "plain.npz").string();
+    options.background = "#102030";
+    runRender(options);
+    options.out = scene.folder / "smooth";
+    options.smooth = 5;
+    runRender(options);
+    EXPECT_NE(readImage(scene.folder / "smooth" / "0001.png").data,
+              readImage(scene.folder / "rough" / "0001.png").data);
+}
+
 TEST(CameraFile, MovesThePictureAsItsNumbersSay) {
     // The principal point moved by whole pixels, and the lens twice as long about it.
     Scene scene;
@@ -361,7 +379,7 @@ TEST(RenderShots, DrawsOverTheBackgroundIntoAFolder) {
         return plainBackground(i == 0 ? "#0a141e" : "#28323c", shots[i].camera);
     };
     fs::path out = scene.folder / "pictures";
-    renderShots(testDevice(), scene.avatar, shots, backdrop, out, 10, "test");
+    renderShots(testDevice(), scene.avatar, shots, {backdrop}, out, 10, "test");
     std::vector<std::string> names;
     for (const auto& entry : fs::directory_iterator(out)) names.push_back(entry.path().filename());
     std::ranges::sort(names);
@@ -379,13 +397,13 @@ TEST(RenderShots, DrawsOverTheBackgroundIntoAFolder) {
                      {kRed, kGreen, kBlue}, 1);
     }
     // Again in the same place; but never over somebody's files.
-    renderShots(testDevice(), scene.avatar, {shots[0]}, backdrop, out, 10, "test");
+    renderShots(testDevice(), scene.avatar, {shots[0]}, {backdrop}, out, 10, "test");
     EXPECT_FALSE(fs::exists(out / "0001.png"));
     fs::create_directory(scene.folder / "letters");
     scene.folder.write("letters/will.txt", std::string("all to the cat"));
     expectInputError(
         [&] {
-            renderShots(testDevice(), scene.avatar, shots, backdrop, scene.folder / "letters", 10,
+            renderShots(testDevice(), scene.avatar, shots, {backdrop}, scene.folder / "letters", 10,
                         "test");
         },
         "letters: expected an empty folder or one that Doppel wrote as render, which would be "
@@ -398,8 +416,8 @@ TEST(RenderShots, MakesAFilmOfTheSamePictures) {
     std::vector<Shot> shots = throughOwnCameras(scene.motion);
     auto grey = [&](size_t i) { return plainBackground("#808080", shots[i].camera); };
     fs::path film = scene.folder / "film.mp4", folder = scene.folder / "pictures";
-    renderShots(testDevice(), scene.avatar, shots, grey, film, 12.5, "test");
-    renderShots(testDevice(), scene.avatar, shots, grey, folder, 12.5, "test");
+    renderShots(testDevice(), scene.avatar, shots, {grey}, film, 12.5, "test");
+    renderShots(testDevice(), scene.avatar, shots, {grey}, folder, 12.5, "test");
     VideoReader reader(film);
     EXPECT_EQ(reader.width(), kSize);
     EXPECT_EQ(reader.height(), kSize);
@@ -428,7 +446,7 @@ TEST(RenderShots, LeavesNothingWhenStoppedOrRefused) {
     for (const char* name : {"film.mp4", "pictures"}) {
         catchInterrupts();
         EXPECT_THROW(
-            renderShots(testDevice(), scene.avatar, shots, stop, scene.folder / name, 10, "test"),
+            renderShots(testDevice(), scene.avatar, shots, {stop}, scene.folder / name, 10, "test"),
             Interrupted);
         EXPECT_EQ(scene.folder.names(), before) << name;
     }
@@ -438,13 +456,13 @@ TEST(RenderShots, LeavesNothingWhenStoppedOrRefused) {
     shots[1].camera.width = 2 * kSize;
     expectInputError(
         [&] {
-            renderShots(testDevice(), scene.avatar, shots, grey, scene.folder / "film.mp4", 10,
+            renderShots(testDevice(), scene.avatar, shots, {grey}, scene.folder / "film.mp4", 10,
                         "test");
         },
         "film.mp4: a film needs frames of one size; give --size or a folder");
     EXPECT_EQ(scene.folder.names(), before);
     // Pictures may differ in size.
-    renderShots(testDevice(), scene.avatar, shots, grey, scene.folder / "pictures", 10, "test");
+    renderShots(testDevice(), scene.avatar, shots, {grey}, scene.folder / "pictures", 10, "test");
     EXPECT_EQ(readImage(scene.folder / "pictures" / "0001.png").width, 2 * kSize);
 }
 
@@ -526,9 +544,11 @@ TEST(Render, PutsTheAvatarWhereThePersonWas) {
     unmasked.out = scene.folder / "unmasked-out";
     runRender(unmasked);
     expectColour(readImage(unmasked.out / "0000.png"), 0, 0, {127, 127, 127});
-    // Films are written as one kind.
+    // Films of other kinds are not written.
     unmasked.out = scene.folder / "film.avi";
-    expectInputError([&] { runRender(unmasked); }, "film.avi: expected FILE.mp4, or a folder");
+    expectInputError(
+        [&] { runRender(unmasked); },
+        "film.avi: expected a film that ends with .mp4, .webm, .mov, .webp or .gif, or a folder ");
     EXPECT_FALSE(fs::exists(unmasked.out));
 
     options.camera = "turntable";

@@ -149,7 +149,7 @@ TEST(Video, leavesNothingUnfinished) {
     EXPECT_TRUE(folder.names().empty());
     EXPECT_NE(messageOf<InputError>([&] {
                   VideoWriter(folder / "a.avi", 64, 64, 30);
-              }).find("expected a name that ends with .mp4"),
+              }).find("expected a name that ends with .mp4, .webm, .mov, .webp or .gif"),
               std::string::npos);
     EXPECT_THROW(VideoWriter(folder / "a.mp4", 64, 64, 0), InputError);
     EXPECT_THROW(VideoWriter(folder / "no" / "a.mp4", 64, 64, 30), InputError);

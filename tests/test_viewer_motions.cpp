@@ -124,11 +124,13 @@ TEST_F(ViewerTest, FilmsWhatIsShown) {
     options.motion = poses;
     Viewer& viewer = open(options);
     fs::path film = *folder_ / "film.mp4", frames = *folder_ / "frames";
-    for (const fs::path& out : {film, frames}) {
+    const fs::path page = *folder_ / "film.webm";
+    for (const fs::path& out : {film, frames, page}) {
         viewer.startFilm(out, 200);
         for (int i = 0; i < 500 && viewer.working(); ++i) viewer.frame();
         ASSERT_FALSE(viewer.working());
     }
+    EXPECT_NEAR(VideoReader(page).duration(), VideoReader(film).duration(), 1e-3);
     VideoReader reader(film);
     EXPECT_EQ(reader.frameCount(), 5);
     EXPECT_EQ(reader.width(), 200);

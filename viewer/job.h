@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <future>
 
-#include "trainer/avatar/picture_sequence.h"
+#include "trainer/avatar/films/picture_sequence.h"
 #include "viewer/picture/pane.h"
 
 namespace doppel {

@@ -6,7 +6,7 @@
 
 #include "engine/error.h"
 #include "trainer/avatar/export.h"
-#include "trainer/avatar/picture_sequence.h"
+#include "trainer/avatar/films/picture_sequence.h"
 #include "viewer/job.h"
 #include "viewer/viewer.h"
 

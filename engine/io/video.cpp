@@ -1,12 +1,8 @@
 #include "engine/io/video.h"
 
 extern "C" {
-#include <libavcodec/avcodec.h>
-#include <libavformat/avformat.h>
 #include <libavutil/display.h>
-#include <libavutil/opt.h>
 #include <libavutil/pixdesc.h>
-#include <libswscale/swscale.h>
 }
 
 #include <algorithm>
@@ -20,47 +16,13 @@ extern "C" {
 
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
-#include "engine/files/ending.h"
+#include "engine/io/films/ffmpeg.h"
 
 namespace doppel {
 namespace {
 
 // A hostile header may claim any size; every frame in flight takes memory for it.
 constexpr int64_t kMaxPixels = int64_t{8192} * 8192;
-
-// Precise and the same on every processor; the fast paths are off by up to 4 of 255.
-constexpr int kScaling =
-    SWS_BICUBIC | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INT | SWS_FULL_CHR_H_INP | SWS_BITEXACT;
-
-std::string errorText(int code) {
-    char text[AV_ERROR_MAX_STRING_SIZE] = {};
-    av_strerror(code, text, sizeof text);
-    return text;
-}
-
-// FFmpeg's own lines on stderr would stand beside our one.
-void quiet() {
-    static const bool once = [] {
-        av_log_set_level(AV_LOG_QUIET);
-        return true;
-    }();
-    (void)once;
-}
-
-struct Deleter {
-    void operator()(AVCodecContext* context) const { avcodec_free_context(&context); }
-    void operator()(AVFrame* frame) const { av_frame_free(&frame); }
-    void operator()(AVPacket* packet) const { av_packet_free(&packet); }
-    void operator()(SwsContext* context) const { sws_freeContext(context); }
-};
-template <typename T>
-using Owned = std::unique_ptr<T, Deleter>;
-
-template <typename T>
-T* required(T* pointer) {
-    if (pointer == nullptr) throwMachine("FFmpeg: no memory");
-    return pointer;
-}
 
 Image turned(const Image& image, int degrees) {
     if (degrees == 0) return image;
@@ -154,167 +116,6 @@ std::array<uint8_t, 3> HdrMap::operator()(const std::array<uint16_t, 3>& signal)
 }
 
 }  // namespace
-
-// ---- writer -------------------------------------------------------------------------------------
-
-struct VideoWriter::Parts {
-    Parts(const std::filesystem::path& path, int frameWidth, int frameHeight)
-        : width(frameWidth), height(frameHeight), file(path) {}
-    ~Parts() {
-        if (format != nullptr) {
-            if (format->pb != nullptr) avio_closep(&format->pb);
-            avformat_free_context(format);
-        }
-    }
-
-    [[noreturn]] void fail(const char* doing, int code) const {
-        throwMachine("{}: cannot {}: {}", file.target().string(), doing, errorText(code));
-    }
-
-    // Hands a frame (null: the end) to the encoder and its packets to the file.
-    void encode(const AVFrame* input) {
-        int code = avcodec_send_frame(codec.get(), input);
-        if (code < 0) fail("encode it", code);
-        while ((code = avcodec_receive_packet(codec.get(), packet.get())) >= 0) {
-            packet->duration = 1;
-            av_packet_rescale_ts(packet.get(), codec->time_base, stream->time_base);
-            packet->stream_index = stream->index;
-            code = av_interleaved_write_frame(format, packet.get());
-            if (code < 0) fail("write it", code);
-        }
-        if (code != AVERROR(EAGAIN) && code != AVERROR_EOF) fail("encode it", code);
-    }
-
-    int width, height;
-    AtomicFile file;
-    AVFormatContext* format = nullptr;
-    AVStream* stream = nullptr;  // the format owns it
-    Owned<AVCodecContext> codec;
-    Owned<AVFrame> frame;
-    Owned<AVPacket> packet;
-    Owned<SwsContext> scaler;
-    std::vector<uint8_t> rgb;  // the padded picture
-    int64_t frames = 0;
-    bool finished = false;
-};
-
-VideoWriter::VideoWriter(const std::filesystem::path& path, int width, int height,
-                         double framesPerSecond) {
-    quiet();
-    CHECK(width >= 1 && height >= 1 && width <= kMaxImageSide && height <= kMaxImageSide,
-          "a video of {} x {} must have 1 to {} pixels a side", width, height, kMaxImageSide);
-    if (!(framesPerSecond > 0 && framesPerSecond <= 1000)) {
-        throwInput("{}: {} frames per second; expected more than 0, at most 1000", path.string(),
-                   framesPerSecond);
-    }
-    if (endingOf(path) != ".mp4") {
-        throwInput("{}: expected a name that ends with .mp4", path.string());
-    }
-    parts_ = std::make_unique<Parts>(path, width, height);
-    Parts& p = *parts_;
-
-    const AVCodec* encoder = avcodec_find_encoder_by_name("libx264");
-    const bool x264 = encoder != nullptr;
-    if (encoder == nullptr) encoder = avcodec_find_encoder(AV_CODEC_ID_MPEG4);
-    if (encoder == nullptr) {
-        throwMachine("{}: this FFmpeg has no H.264 and no MPEG-4 encoder", path.string());
-    }
-    p.codec.reset(required(avcodec_alloc_context3(encoder)));
-    AVCodecContext& codec = *p.codec;
-    codec.width = width + width % 2;
-    codec.height = height + height % 2;
-    codec.pix_fmt = AV_PIX_FMT_YUV420P;
-    // MPEG-4 takes a denominator of 16 bits at most.
-    codec.framerate = av_d2q(framesPerSecond, 60000);
-    codec.time_base = av_inv_q(codec.framerate);
-    codec.sample_aspect_ratio = {1, 1};
-    codec.colorspace = AVCOL_SPC_BT709;
-    codec.color_primaries = AVCOL_PRI_BT709;
-    codec.color_trc = AVCOL_TRC_BT709;
-    codec.color_range = AVCOL_RANGE_MPEG;
-    codec.thread_count = 1;
-    codec.flags |= AV_CODEC_FLAG_GLOBAL_HEADER | AV_CODEC_FLAG_BITEXACT;
-    if (x264) {
-        av_opt_set(codec.priv_data, "preset", "fast", 0);
-        av_opt_set(codec.priv_data, "crf", "17", 0);
-    } else {
-        codec.flags |= AV_CODEC_FLAG_QSCALE;
-        codec.global_quality = 2 * FF_QP2LAMBDA;
-    }
-    int code = avcodec_open2(p.codec.get(), encoder, nullptr);
-    if (code < 0) p.fail("start the encoder", code);
-
-    const std::string name = "file:" + p.file.pathForLibrary().string();
-    code = avformat_alloc_output_context2(&p.format, nullptr, "mp4", name.c_str());
-    if (code < 0) p.fail("start it", code);
-    p.format->flags |= AVFMT_FLAG_BITEXACT;
-    p.stream = required(avformat_new_stream(p.format, nullptr));
-    p.stream->time_base = codec.time_base;
-    p.stream->avg_frame_rate = codec.framerate;
-    code = avcodec_parameters_from_context(p.stream->codecpar, p.codec.get());
-    if (code < 0) p.fail("start it", code);
-    code = avio_open(&p.format->pb, name.c_str(), AVIO_FLAG_WRITE);
-    if (code < 0) p.fail("create it", code);
-    AVDictionary* options = nullptr;
-    av_dict_set(&options, "movflags", "+faststart", 0);
-    code = avformat_write_header(p.format, &options);
-    av_dict_free(&options);
-    if (code < 0) p.fail("write it", code);
-
-    p.packet.reset(required(av_packet_alloc()));
-    p.frame.reset(required(av_frame_alloc()));
-    p.frame->format = codec.pix_fmt;
-    p.frame->width = codec.width;
-    p.frame->height = codec.height;
-    code = av_frame_get_buffer(p.frame.get(), 0);
-    if (code < 0) p.fail("start it", code);
-    p.scaler.reset(
-        required(sws_getContext(codec.width, codec.height, AV_PIX_FMT_RGB24, codec.width,
-                                codec.height, codec.pix_fmt, kScaling, nullptr, nullptr, nullptr)));
-    sws_setColorspaceDetails(p.scaler.get(), sws_getCoefficients(SWS_CS_DEFAULT), 1,
-                             sws_getCoefficients(SWS_CS_ITU709), 0, 0, 1 << 16, 1 << 16);
-    p.rgb.resize(static_cast<size_t>(codec.width) * static_cast<size_t>(codec.height) * 3);
-}
-
-VideoWriter::~VideoWriter() = default;
-
-void VideoWriter::add(const Image& image) {
-    Parts& p = *parts_;
-    CHECK(!p.finished, "no frame may be added after finish()");
-    CHECK(image.width == p.width && image.height == p.height && image.channels != 2,
-          "a frame must be {} x {} with 1, 3 or 4 channels, not {} x {} x {}", p.width, p.height,
-          image.width, image.height, image.channels);
-    for (int y = 0; y < p.codec->height; ++y) {
-        const int row = std::min(y, image.height - 1);
-        uint8_t* out = &p.rgb[static_cast<size_t>(y) * static_cast<size_t>(p.codec->width) * 3];
-        for (int x = 0; x < p.codec->width; ++x, out += 3) {
-            const uint8_t* in = image.pixel(std::min(x, image.width - 1), row);
-            for (size_t c = 0; c < 3; ++c) out[c] = in[image.channels == 1 ? 0 : c];
-        }
-    }
-    int code = av_frame_make_writable(p.frame.get());
-    if (code < 0) p.fail("encode it", code);
-    const uint8_t* planes[4] = {p.rgb.data()};
-    const int strides[4] = {p.codec->width * 3};
-    sws_scale(p.scaler.get(), planes, strides, 0, p.codec->height, p.frame->data,
-              p.frame->linesize);
-    p.frame->pts = p.frames++;
-    p.encode(p.frame.get());
-}
-
-void VideoWriter::finish() {
-    Parts& p = *parts_;
-    CHECK(p.frames > 0 && !p.finished, "finish() must follow one frame or more, once");
-    p.encode(nullptr);
-    int code = av_write_trailer(p.format);
-    if (code < 0) p.fail("write it", code);
-    // Errors of writes that were only buffered until now, no space left for one.
-    if (p.format->pb->error < 0) p.fail("write it", p.format->pb->error);
-    code = avio_closep(&p.format->pb);
-    if (code < 0) p.fail("write it", code);
-    p.file.commit();
-    p.finished = true;
-}
 
 // ---- reader -------------------------------------------------------------------------------------
 

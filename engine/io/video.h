@@ -1,34 +1,55 @@
-// Videos: H.264 in MP4 out, what FFmpeg decodes in.
+// Videos: the kinds of engine/io/films/kinds.h out, what FFmpeg decodes in.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 
+#include "engine/io/films/kinds.h"
 #include "engine/io/image.h"
 
 namespace doppel {
 
-// Writes pictures as a video that players and browsers show with the right colours: H.264 (MPEG-4
-// where this FFmpeg has no x264), yuv420p, BT.709 in limited range and tagged so, its index at
-// the front. The same pictures give the same bytes: one thread, no times.
+// Sound of another film, or of a file of sound, that goes with a film's pictures.
+struct SoundSource {
+    std::filesystem::path file;
+    double start = 0;  // second of it, counted from its first picture, with which the film begins
+};
+
+// Whether a file has sound that can be read; false too where it is no film and no sound.
+bool hasSound(const std::filesystem::path& file);
+
+struct VideoOptions {
+    bool alpha = false;  // kept, straight; of frames of 4 channels
+    // Copied where the container takes its codec, else encoded; cut where the pictures end.
+    std::optional<SoundSource> sound;
+};
+
+// Writes pictures as a video that players, browsers and editors show with the right colours; the
+// name's ending decides the kind. BT.709 in limited range and tagged so, but WebP and GIF, which
+// are sRGB. MPEG-4 stands in for H.264 where this FFmpeg has no x264. The same pictures give the
+// same bytes: one thread, no times.
 //
 //     VideoWriter video("turntable.mp4", 256, 256, 30);
 //     for (const Image& frame : frames) video.add(frame);
 //     video.finish();
 //
 // Without finish() nothing is left (engine/files/atomic_file.h). Errors: InputError for a name that
-// does not end with .mp4 or a rate that is none; MachineError where encoding or writing fails.
+// has no kind's ending, a rate that is none or that the kind has not, alpha or sound in a kind that
+// keeps none, sound that cannot be read; MachineError where FFmpeg lacks the kind, or encoding or
+// writing fails.
 class VideoWriter {
 public:
-    // framesPerSecond in (0, 1000]. An odd side gets one more column or row, a copy of the last,
-    // since yuv420p has colours for pairs of pixels only.
-    VideoWriter(const std::filesystem::path& path, int width, int height, double framesPerSecond);
+    // framesPerSecond in (0, 1000]. Where the kind has colours for pairs of pixels only, an odd
+    // side gets one more column or row, a copy of the last.
+    VideoWriter(const std::filesystem::path& path, int width, int height, double framesPerSecond,
+                const VideoOptions& options = {});
     ~VideoWriter();
     VideoWriter(const VideoWriter&) = delete;
     VideoWriter& operator=(const VideoWriter&) = delete;
 
-    // width × height; 1, 3 or 4 channels (alpha is dropped).
+    // width × height; 1, 3 or 4 channels (alpha is dropped where it was not asked for).
     void add(const Image& frame);
 
     // At least one frame was added.

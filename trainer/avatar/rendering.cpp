@@ -10,7 +10,8 @@
 #include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/background.h"
 #include "trainer/avatar/export.h"
-#include "trainer/avatar/picture_sequence.h"
+#include "trainer/avatar/films/colour_match.h"
+#include "trainer/avatar/films/picture_sequence.h"
 #include "trainer/avatar/sheet.h"
 #include "trainer/data/pose.h"
 #include "trainer/data/progress.h"
@@ -80,7 +81,7 @@ std::vector<Shot> throughOwnCameras(const Motion& motion) {
 std::vector<float> plainBackground(const std::string& colour, const Camera& camera) {
     if (colour.size() != 7 || colour[0] != '#' ||
         colour.find_first_not_of("0123456789abcdefABCDEF", 1) != std::string::npos)
-        throwInput("--background: expected capture or a colour as #rrggbb, found \"{}\"", colour);
+        throwInput("--background: expected a colour as #rrggbb, found \"{}\"", colour);
     std::array<float, 3> rgb{};
     for (size_t c = 0; c < 3; ++c) {
         int value = 0;
@@ -95,26 +96,44 @@ std::vector<float> plainBackground(const std::string& colour, const Camera& came
 }
 
 double renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>& shots,
-                   const std::function<std::vector<float>(size_t)>& background,
-                   const std::filesystem::path& out, double fps, const std::string& what,
-                   TextureKind texture) {
+                   const Layers& layers, const std::filesystem::path& out, double fps,
+                   const std::string& what, TextureKind texture,
+                   const std::optional<SoundSource>& sound) {
     CHECK(!shots.empty(), "there is something to render");
+    const bool film = isFilm(out);
     for (const Shot& shot : shots)
-        if (isFilm(out) && (shot.camera.width != shots[0].camera.width ||
-                            shot.camera.height != shots[0].camera.height))
+        if (film && (shot.camera.width != shots[0].camera.width ||
+                     shot.camera.height != shots[0].camera.height))
             throwInput("{}: a film needs frames of one size; give --size or a folder",
                        out.string());
-    PictureSequence pictures(out, shots[0].camera.width, shots[0].camera.height, fps);
+    PictureSequence pictures(out, shots[0].camera.width, shots[0].camera.height, fps,
+                             {.alpha = !layers.background, .sound = sound});
+
+    // Bodies without the mesh network's changes are near enough for a shadow.
+    std::optional<BodyPoser> poser;
+    CHECK(layers.grounds.empty() || layers.grounds.size() == shots.size(),
+          "each shot has a ground, or none");
+    if (!layers.grounds.empty()) poser.emplace(device, avatar.body);
 
     AvatarRenderer renderer(device, avatar, true, texture);
+    ColourMatch match;
     Image before;
     double difference = 0;
     size_t compared = 0;
-    auto keep = [&](size_t i, const Drawing& drawing) {
-        const Shot& shot = shots[i];
-        Image image = toImage(composite(drawing.rgb, drawing.mask, background(i)),
-                              shot.camera.width, shot.camera.height);
+    auto keep = [&](size_t i, Drawing drawing, const std::vector<float>& verts) {
+        const Camera& camera = shots[i].camera;
+        std::vector<float> behind;
+        if (layers.background) behind = layers.background(i);
+        if (layers.background && layers.matchColours) match.apply(drawing, behind);
+        if (poser)
+            addShadow(drawing, contactShadow(verts, avatar.body.faces, layers.grounds[i], camera));
+        if (layers.occluder) occlude(drawing, layers.occluder(i));
+        Image image = layers.background ? toImage(composite(drawing.rgb, drawing.mask, behind),
+                                                  camera.width, camera.height)
+                                        : straightAlpha(drawing, film);
         pictures.add(image);
+        // Colours that nothing covers are not seen to change.
+        if (!layers.background) image = toImage(drawing.rgb, camera.width, camera.height);
         if (i > 0 && image.data.size() == before.data.size() && image.width == before.width) {
             for (size_t k = 0; k < image.data.size(); ++k)
                 difference += std::abs(int{image.data[k]} - int{before.data[k]});
@@ -134,7 +153,9 @@ double renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>
         submit(i + 1);
         Drawing drawing = renderer.take();
         if (keeping.valid()) keeping.get();
-        keeping = std::async(std::launch::async, keep, i, std::move(drawing));
+        std::vector<float> verts;
+        if (poser) verts = poser->pose(shots[i].theta, shots[i].trans, avatar.betas).verts;
+        keeping = std::async(std::launch::async, keep, i, std::move(drawing), std::move(verts));
         progress.update(static_cast<int64_t>(i) + 1);
     }
     keeping.get();

@@ -2,12 +2,14 @@
 #pragma once
 
 #include <filesystem>
-#include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "engine/device.h"
+#include "engine/io/video.h"
 #include "trainer/avatar/avatar.h"
+#include "trainer/avatar/films/layers.h"
 #include "trainer/motion/motion.h"
 
 namespace doppel {
@@ -34,15 +36,16 @@ Motion inCameraSpace(Motion motion);
 // InputError where it has none.
 std::vector<Shot> throughOwnCameras(const Motion& motion);
 
-// Draws shots into FILE.mp4 or into a folder of PNGs (0000.png, …), which appear when all is done.
-// background: per shot, [H,W,3] in [0,1]. Calls interrupted() between pictures.
+// Draws shots into a film or into a folder of PNGs (films/picture_sequence.h), which appear when
+// all is done. Calls interrupted() between pictures.
 //
 // Returns how much consecutive pictures differ: the mean |difference| in 8-bit units over all
-// pixels and pairs of one size; 0 for a pose held still, since nothing in an avatar is random.
+// channels of all pixels and pairs of one size; 0 for a pose held still, since nothing in an avatar
+// is random.
 double renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>& shots,
-                   const std::function<std::vector<float>(size_t)>& background,
-                   const std::filesystem::path& out, double fps, const std::string& what,
-                   TextureKind texture = TextureKind::Best);
+                   const Layers& layers, const std::filesystem::path& out, double fps,
+                   const std::string& what, TextureKind texture = TextureKind::Best,
+                   const std::optional<SoundSource>& sound = {});
 
 // A picture of one colour, "#rrggbb".
 std::vector<float> plainBackground(const std::string& colour, const Camera& camera);

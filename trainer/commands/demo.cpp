@@ -168,8 +168,8 @@ void runDemo(const DemoOptions& options) {
         greetings.trans.push_back(stage);
     }
     auto grey = [&](size_t) { return plainBackground("#9aa4ad", rest.camera); };
-    renderShots(device, person, turn, grey, out / "turntable.mp4", kFramesPerSecond, "turntable");
-    renderShots(device, person, dance, grey, out / "reenact.mp4", kFramesPerSecond, "reenact");
+    renderShots(device, person, turn, {grey}, out / "turntable.mp4", kFramesPerSecond, "turntable");
+    renderShots(device, person, dance, {grey}, out / "reenact.mp4", kFramesPerSecond, "reenact");
     exportAvatar(device, person, out / "avatar.glb", &greetings);
     writeContactSheet(device, person, test, testFitted, out / "contact.png");
 

@@ -1,13 +1,16 @@
 #include "trainer/commands/render.h"
 
 #include <algorithm>
+#include <charconv>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "engine/files/npz.h"
 #include "trainer/avatar/background.h"
 #include "trainer/avatar/export.h"
-#include "trainer/avatar/picture_sequence.h"
+#include "trainer/avatar/films/footage.h"
+#include "trainer/avatar/films/picture_sequence.h"
 #include "trainer/avatar/rendering.h"
 #include "trainer/commands/command.h"
 #include "trainer/data/frame_selection.h"
@@ -29,12 +32,154 @@ Camera scaled(Camera camera, int size) {
     return camera;
 }
 
+bool isColour(const std::string& text) {
+    return text.size() == 7 && text[0] == '#' &&
+           text.find_first_not_of("0123456789abcdefABCDEF", 1) == std::string::npos;
+}
+
+// The file or folder that --background names; empty where it is a word or a colour.
+std::filesystem::path backgroundFile(const RenderOptions& options) {
+    const std::string& text = options.background;
+    return text == "capture" || text == "none" || isColour(text) ? "" : text;
+}
+
+// What is behind the avatar, however it was asked for, and what it takes to know it.
+class Behind {
+public:
+    // chosen: the motion's frames that the shots show; times: in seconds, of each shot in footage.
+    Behind(const RenderOptions& options, const std::vector<Shot>& shots,
+           const std::vector<size_t>& chosen, const std::vector<double>& times);
+
+    // Null: nothing is.
+    std::function<std::vector<float>(size_t)> picture;
+    std::optional<Footage> footage;
+
+private:
+    std::optional<Capture> capture_;
+    std::unique_ptr<FrameCache> frames_;
+    std::unique_ptr<BackgroundPlate> plate_;
+};
+
+// Pictures of footage by the number of the shot; says what is done to it.
+std::function<std::vector<float>(size_t)> shown(Footage& footage, const std::vector<Shot>& shots,
+                                                const std::vector<size_t>& chosen,
+                                                const std::vector<double>& times) {
+    const Camera& first = shots[0].camera;
+    if (const std::string note = footage.note(times.back(), first.width, first.height);
+        !note.empty())
+        fmt::print(stderr, "{}\n", note);
+    return [&](size_t i) {
+        return footage.at(times[i], chosen[i], shots[i].camera.width, shots[i].camera.height);
+    };
+}
+
+Behind::Behind(const RenderOptions& options, const std::vector<Shot>& shots,
+               const std::vector<size_t>& chosen, const std::vector<double>& times) {
+    if (options.background == "none") return;
+    if (const std::filesystem::path file = backgroundFile(options); !file.empty()) {
+        footage.emplace(file, 3);
+        picture = shown(*footage, shots, chosen, times);
+        return;
+    }
+    std::string colour = options.background;
+    if (colour == "capture") {
+        colour = "#7f7f7f";
+        const bool ownCameras = options.camera == "capture" && options.size == 0;
+        if (ownCameras && std::filesystem::is_directory(options.motion / "images"))
+            capture_ = readCapture(options.motion);
+        if (capture_ && !capture_->hasMasks()) {
+            fmt::print(stderr,
+                       "{}: it has no masks, which tell what is behind the person; the background "
+                       "is grey (--background takes another colour)\n",
+                       options.motion.string());
+            capture_.reset();
+        }
+    }
+    if (!capture_) {
+        picture = [&shots, colour](size_t i) { return plainBackground(colour, shots[i].camera); };
+        return;
+    }
+    // The plate is of all frames: more of them show what is behind the person.
+    frames_ = std::make_unique<FrameCache>(*capture_);
+    plate_ = std::make_unique<BackgroundPlate>(*capture_, *frames_);
+    picture = [this, &chosen](size_t i) { return plate_->behind(*frames_->load(chosen[i])); };
+}
+
+// The grounds that the shots stand on. A motion's is that of the whole, so that a part of it stands
+// where the whole does.
+std::vector<Ground> groundsFor(Device& device, const Avatar& avatar, const std::vector<Shot>& shots,
+                               const Motion& whole, const std::vector<size_t>& chosen,
+                               const RenderOptions& options) {
+    BodyPoser poser(device, avatar.body);
+    if (options.camera == "turntable") {
+        std::vector<Theta> theta;
+        std::vector<Trans> trans;
+        for (const Shot& shot : shots) theta.push_back(shot.theta), trans.push_back(shot.trans);
+        return groundsOf(poser, theta, trans, avatar.betas);
+    }
+    const std::vector<Ground> all = groundsOf(poser, whole.theta, whole.trans, avatar.betas);
+    std::vector<Ground> grounds;
+    for (size_t frame : chosen) grounds.push_back(all[frame]);
+    return grounds;
+}
+
+// ---- sound --------------------------------------------------------------------------------------
+
+// The second of the clip that a capture was made of at which one of its frames was seen: as the
+// import noted, or else by the number in the frame's name.
+double timeInClip(const Capture& capture, size_t frame, const std::filesystem::path& clip) {
+    const std::string& name = capture.frames.at(frame).name;
+    int64_t number = 0;
+    std::from_chars(name.data(), name.data() + name.size(), number);
+    const std::filesystem::path notes = capture.folder / "landmarks.npz";
+    std::error_code ignored;
+    if (std::filesystem::exists(notes, ignored)) {
+        const Npz npz = readNpz(notes);
+        if (npz.has("number") && npz.has("time")) {
+            const std::vector<double> numbers = npz.at("number").toF64(),
+                                      times = npz.at("time").toF64();
+            for (size_t i = 0; i < std::min(numbers.size(), times.size()); ++i)
+                if (numbers[i] == double(number) && times[i] >= 0) return times[i];
+        }
+    }
+    const double rate = VideoReader(clip).framesPerSecond();
+    return rate > 0 ? std::max(double(number), 0.) / rate : 0;
+}
+
+// The sound that goes with a film: of the film behind, or else of the clip that the motion was
+// seen in, or of a file. begin: the second of footage at which the film begins. keptSpeed: the
+// motion goes as fast as it went in its clip.
+std::optional<SoundSource> soundOf(const RenderOptions& options, const Behind& behind,
+                                   const std::vector<size_t>& chosen, double begin,
+                                   bool keptSpeed) {
+    if (options.audio == "none") return {};
+    if (options.audio != "source") return SoundSource{options.audio, begin};
+    const VideoKind* kind = videoKindOf(options.out);
+    if (kind == nullptr || !kind->keepsSound()) return {};
+    if (behind.footage && behind.footage->isFilm() && hasSound(behind.footage->path()))
+        return SoundSource{behind.footage->path(), begin};
+    if (!std::filesystem::is_directory(options.motion / "images")) return {};
+    const Capture capture = readCapture(options.motion);
+    const auto named = capture.source.find("folder");
+    std::error_code ignored;
+    if (named == capture.source.end() ||
+        !std::filesystem::is_regular_file(named->second, ignored) || !hasSound(named->second))
+        return {};
+    if (!keptSpeed) {
+        fmt::print(stderr, "{}: its sound is left out, since --fps changes the motion's speed\n",
+                   named->second);
+        return {};
+    }
+    return SoundSource{named->second, timeInClip(capture, chosen[0], named->second)};
+}
+
 }  // namespace
 
 void runRender(const RenderOptions& options) {
     catchInterrupts();
     const auto apart = isFilm(options.out) ? requireFileApart : requireApart;
-    apart(options.out, {options.avatar, options.motion, options.camera});
+    apart(options.out, {options.avatar, options.motion, options.camera, backgroundFile(options),
+                        options.occluder, options.audio});
     Avatar avatar = readAvatar(options.avatar);
     TextureKind texture = textureKind(options.texture);
     requireTexture(avatar, texture, options.avatar);
@@ -42,14 +187,16 @@ void runRender(const RenderOptions& options) {
     if (const std::string taken = takenAs(motion); !taken.empty())
         fmt::print(stderr, "{}: {}\n", options.motion.string(), taken);
     std::vector<size_t> chosen = selectFrames(options.frames, motion.size());
+    const double rate = motion.fps;
     // Smoothed whole, so that a part of a motion moves as it does in the whole.
-    motion = smoothed(std::move(motion), options.smooth).subset(chosen);
+    Motion whole = smoothed(std::move(motion), options.smooth);
+    if (options.camera != "capture" && options.camera != "turntable")
+        whole = throughCameras(std::move(whole), options.camera);
+    motion = whole.subset(chosen);
     Device device(options.common.deviceOptions());
 
     std::vector<Shot> shots;
-    if (options.camera == "capture") {
-        shots = throughOwnCameras(motion);
-    } else if (options.camera == "turntable") {
+    if (options.camera == "turntable") {
         // The motion goes on, on the spot, while the camera goes round.
         Shot shot = restShot(device, avatar, options.size > 0 ? options.size : 512);
         motion = inCameraSpace(std::move(motion));
@@ -59,40 +206,29 @@ void runRender(const RenderOptions& options) {
                 turned(shot, static_cast<double>(i) / static_cast<double>(motion.size())));
         }
     } else {
-        shots = throughOwnCameras(
-            throughCameras(readMotion(options.motion), options.camera).subset(chosen));
+        shots = throughOwnCameras(motion);
     }
     for (Shot& shot : shots) shot.camera = scaled(shot.camera, options.size);
 
-    std::function<std::vector<float>(size_t)> background = [&](size_t i) {
-        return plainBackground(options.background, shots[i].camera);
-    };
-    std::optional<Capture> capture;
-    std::unique_ptr<FrameCache> frames;
-    std::unique_ptr<BackgroundPlate> plate;
-    if (options.background == "capture") {
-        bool ownCameras = options.camera == "capture" && options.size == 0;
-        bool pictures = std::filesystem::is_directory(options.motion / "images");
-        if (ownCameras && pictures) capture = readCapture(options.motion);
-        if (capture && !capture->hasMasks()) {
-            fmt::print(stderr,
-                       "{}: it has no masks, which tell what is behind the person; the background "
-                       "is grey (--background takes another colour)\n",
-                       options.motion.string());
-            capture.reset();
-        }
-        if (!capture) {
-            background = [&](size_t i) { return plainBackground("#7f7f7f", shots[i].camera); };
-        } else {
-            // The plate is of all frames: more of them show what is behind the person.
-            frames = std::make_unique<FrameCache>(*capture);
-            plate = std::make_unique<BackgroundPlate>(*capture, *frames);
-            background = [&](size_t i) { return plate->behind(*frames->load(chosen[i])); };
-        }
+    const double fps = options.fps > 0 ? options.fps : motion.fps > 0 ? motion.fps : 25;
+    // Films beside the motion begin with it and go as fast as it does, and --frames are frames of
+    // both.
+    std::vector<double> times;
+    const double step = (motion.fps > 0 ? motion.fps / fps : 1) / (rate > 0 ? rate : 25);
+    for (size_t frame : chosen) times.push_back(double(frame) * step);
+
+    Behind behind(options, shots, chosen, times);
+    Layers layers{.background = behind.picture, .matchColours = options.matchColours};
+    if (options.shadow) layers.grounds = groundsFor(device, avatar, shots, whole, chosen, options);
+    std::optional<Footage> occluder;
+    if (!options.occluder.empty()) {
+        occluder.emplace(options.occluder, 1);
+        layers.occluder = shown(*occluder, shots, chosen, times);
     }
-    double fps = options.fps > 0 ? options.fps : motion.fps > 0 ? motion.fps : 25;
-    double change =
-        renderShots(device, avatar, shots, background, options.out, fps, "render", texture);
+    const std::optional<SoundSource> sound =
+        soundOf(options, behind, chosen, times[0], std::abs(fps / motion.fps - 1) < .01);
+    const double change =
+        renderShots(device, avatar, shots, layers, options.out, fps, "render", texture, sound);
     if (options.common.json)
         printJson(nlohmann::ordered_json{
             {"frames", shots.size()}, {"out", options.out.string()}, {"mean_change", change}});
@@ -110,10 +246,27 @@ void declareFlags(CommandFlags& flags, RenderOptions& o) {
         .path("--motion", o.motion,
               "A capture, a poses.npz, BVH, glTF, AMASS or an estimator's poses (docs/formats.md)")
         ->required();
-    flags.path("--out", o.out, "FILE.mp4, or a folder for PNG pictures")->required();
+    flags
+        .path("--out", o.out,
+              "FILE.mp4, .webm, .mov (ProRes 4444), .webp or .gif, or a folder for PNG pictures")
+        ->required();
     flags->add_option("--camera", o.camera, "capture, turntable, or a cameras.npz")
         ->capture_default_str();
-    flags->add_option("--background", o.background, "capture, or a colour as \"#rrggbb\"")
+    flags
+        ->add_option(
+            "--background", o.background,
+            "capture, none (transparent), a colour as \"#rrggbb\", or a picture, a film or a "
+            "folder of pictures, scaled to cover; a film that ends is held")
+        ->capture_default_str();
+    flags.path("--occluder", o.occluder,
+               "What is in front of the avatar, white: a mask, a film or a folder of masks");
+    flags->add_flag("--shadow", o.shadow, "A soft shadow on the ground under the body");
+    flags->add_flag("--match-colours", o.matchColours,
+                    "Bring the avatar's colours towards those behind it, by a little");
+    flags
+        ->add_option("--audio", o.audio,
+                     "Sound of .mp4, .webm and .mov: source (of the film behind, or of the "
+                     "motion's clip), none, or a file")
         ->capture_default_str();
     flags.texture(o.texture);
     flags
@@ -131,14 +284,25 @@ void declareFlags(CommandFlags& flags, RenderOptions& o) {
     flags.frames(o.frames, "Frames of the motion to draw");
 }
 
-void checkBackground(RenderOptions& options) {
-    const std::string& text = options.background;
-    if (text == "capture") return;
-    const bool colour = text.size() == 7 && text[0] == '#' &&
-                        text.find_first_not_of("0123456789abcdefABCDEF", 1) == std::string::npos;
-    if (!colour) {
-        throwInput("--background: expected capture or a colour as #rrggbb, found \"{}\"", text);
-    }
+void checkFiles(RenderOptions& options) {
+    std::error_code ignored;
+    const std::filesystem::path file = backgroundFile(options);
+    if (!file.empty() && !std::filesystem::exists(file, ignored))
+        throwInput(
+            "--background: expected capture, none, a colour as #rrggbb, or a picture, a film or a "
+            "folder of pictures that is there, found \"{}\"",
+            options.background);
+    if (!options.occluder.empty() && !std::filesystem::exists(options.occluder, ignored))
+        throwInput(
+            "--occluder: expected a mask, a film or a folder of masks that is there, found \"{}\"",
+            options.occluder.string());
+    if (options.matchColours && options.background == "none")
+        throwInput("--match-colours: expected something behind to match, found --background none");
+    if (options.audio != "source" && options.audio != "none" &&
+        !std::filesystem::exists(options.audio, ignored))
+        throwInput(
+            "--audio: expected source, none, or a file with sound that is there, found \"{}\"",
+            options.audio);
 }
 
 const Command<RenderOptions> kRender{{
@@ -148,7 +312,7 @@ const Command<RenderOptions> kRender{{
     .example = "doppel render avatar --motion box --camera turntable --background \"#ffffff\" "
                "--out dance.mp4",
     .flags = declareFlags,
-    .check = checkBackground,
+    .check = checkFiles,
     .run = runRender,
 }};
 

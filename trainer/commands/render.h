@@ -10,14 +10,18 @@ namespace doppel {
 
 struct RenderOptions {
     CommonOptions common;
-    std::filesystem::path avatar, motion, out;  // out: a folder for PNGs, or FILE.mp4
+    std::filesystem::path avatar, motion, out;  // out: a folder for PNGs, or a film
     std::string frames;
-    std::string camera = "capture";      // "capture", "turntable", or a cameras.npz
-    std::string background = "capture";  // "capture", or a colour "#rrggbb"
-    std::string texture = "best";        // a word of textureKind()
-    double smooth = 0;                   // frames; see smoothed()
-    int size = 0;                        // pixels of the larger side; 0: the camera's
-    double fps = 0;                      // 0: the motion's
+    std::string camera = "capture";  // "capture", "turntable", or a cameras.npz
+    // "capture", "none", a colour "#rrggbb", or a picture, a film or a folder of pictures.
+    std::string background = "capture";
+    std::filesystem::path occluder;  // masks of what is in front: as the background; empty: nothing
+    bool shadow = false, matchColours = false;
+    std::string audio = "source";  // "source", "none", or a file that has sound
+    std::string texture = "best";  // a word of textureKind()
+    double smooth = 0;             // frames; see smoothed()
+    int size = 0;                  // pixels of the larger side; 0: the camera's
+    double fps = 0;                // 0: the motion's
 };
 
 void runRender(const RenderOptions& options);

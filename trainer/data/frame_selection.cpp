@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "engine/error.h"
+#include "engine/files/ending.h"
 
 namespace doppel {
 
@@ -97,6 +98,23 @@ std::vector<size_t> selectFrames(std::string_view text, size_t count, std::strin
                    text);
     }
     return indices;
+}
+
+std::vector<std::filesystem::path> picturesOfFolder(const std::filesystem::path& folder) {
+    std::vector<std::filesystem::path> pictures;
+    std::error_code error;
+    for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
+        constexpr const char* kKnown[] = {".png",  ".jpg",  ".jpeg", ".tif",
+                                          ".tiff", ".webp", ".bmp"};
+        if (std::ranges::count(kKnown, endingOf(entry.path())) == 0 ||
+            entry.path().filename().string().starts_with('.'))
+            continue;
+        pictures.push_back(entry.path());
+    }
+    std::ranges::sort(pictures, [](const std::filesystem::path& a, const std::filesystem::path& b) {
+        return naturallyBefore(a.filename().string(), b.filename().string());
+    });
+    return pictures;
 }
 
 }  // namespace doppel

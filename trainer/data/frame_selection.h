@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <filesystem>
 #include <span>
 #include <string>
 #include <string_view>
@@ -22,5 +23,8 @@ double selectedRate(double fps, std::span<const size_t> indices);
 
 // "frame9" before "frame10": runs of digits count as numbers.
 bool naturallyBefore(const std::string& a, const std::string& b);
+
+// A folder's pictures (PNG, JPEG, TIFF, WebP, BMP) in natural order; empty: none there.
+std::vector<std::filesystem::path> picturesOfFolder(const std::filesystem::path& folder);
 
 }  // namespace doppel

@@ -98,23 +98,6 @@ double medianAbout(const std::vector<double>& values, size_t i) {
 
 // ---- reading ------------------------------------------------------------------------------------
 
-std::vector<fs::path> picturesOfFolder(const fs::path& folder) {
-    std::vector<fs::path> pictures;
-    std::error_code error;
-    for (const auto& entry : fs::directory_iterator(folder, error)) {
-        constexpr const char* kKnown[] = {".png",  ".jpg",  ".jpeg", ".tif",
-                                          ".tiff", ".webp", ".bmp"};
-        if (std::ranges::count(kKnown, endingOf(entry.path())) == 0 ||
-            entry.path().filename().string().starts_with('.'))
-            continue;
-        pictures.push_back(entry.path());
-    }
-    std::ranges::sort(pictures, [](const fs::path& a, const fs::path& b) {
-        return naturallyBefore(a.filename().string(), b.filename().string());
-    });
-    return pictures;
-}
-
 struct Clip::Source {
     std::optional<VideoReader> video;
     std::vector<fs::path> pictures;

@@ -42,9 +42,6 @@ private:
     std::unique_ptr<Source> source_;
 };
 
-// Names of a folder's pictures (PNG, JPEG, TIFF, WebP, BMP) in natural order; empty: none there.
-std::vector<std::filesystem::path> picturesOfFolder(const std::filesystem::path& folder);
-
 enum class Fate : uint8_t {
     Kept,
     Outside,    // of the times, the frames or the steps that were asked for

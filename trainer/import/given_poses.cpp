@@ -12,6 +12,7 @@
 #include "engine/files/atomic_file.h"
 #include "engine/io/image.h"
 #include "engine/io/video.h"
+#include "trainer/data/frame_selection.h"
 #include "trainer/data/progress.h"
 #include "trainer/eval/metrics.h"
 #include "trainer/import/clip.h"

@@ -6,6 +6,7 @@
 
 #include "engine/error.h"
 #include "engine/io/image.h"
+#include "trainer/data/frame_selection.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"
 #include "trainer/import/clip_cutter.h"
