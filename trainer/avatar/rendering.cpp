@@ -9,12 +9,12 @@
 #include "engine/io/image.h"
 #include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/background.h"
-#include "trainer/avatar/export.h"
 #include "trainer/avatar/picture_sequence.h"
 #include "trainer/avatar/sheet.h"
 #include "trainer/data/pose.h"
 #include "trainer/data/progress.h"
 #include "trainer/motion/session.h"
+#include "trainer/motion/upright.h"
 
 namespace doppel {
 
@@ -23,6 +23,12 @@ namespace {
 constexpr int kSamples = 2;  // per pixel and axis
 
 }  // namespace
+
+RetargetTarget targetOf(const Avatar& avatar) {
+    const auto name = avatar.provenance.find("capture");
+    return {avatar.body, avatar.betas,
+            name == avatar.provenance.end() ? std::string() : name->second};
+}
 
 Shot restShot(Device& device, const Avatar& avatar, int size) {
     Shot shot{};

@@ -10,10 +10,12 @@
 #include "trainer/avatar/picture_sequence.h"
 #include "trainer/avatar/rendering.h"
 #include "trainer/commands/command.h"
+#include "trainer/commands/retarget.h"
 #include "trainer/data/frame_selection.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"
 #include "trainer/motion/smooth.h"
+#include "trainer/motion/upright.h"
 
 namespace doppel {
 
@@ -34,7 +36,7 @@ Camera scaled(Camera camera, int size) {
 void runRender(const RenderOptions& options) {
     catchInterrupts();
     const auto apart = isFilm(options.out) ? requireFileApart : requireApart;
-    apart(options.out, {options.avatar, options.motion, options.camera});
+    apart(options.out, {options.avatar, options.motion, options.camera, options.retarget.contacts});
     Avatar avatar = readAvatar(options.avatar);
     TextureKind texture = textureKind(options.texture);
     requireTexture(avatar, texture, options.avatar);
@@ -42,8 +44,12 @@ void runRender(const RenderOptions& options) {
     if (const std::string taken = takenAs(motion); !taken.empty())
         fmt::print(stderr, "{}: {}\n", options.motion.string(), taken);
     std::vector<size_t> chosen = selectFrames(options.frames, motion.size());
-    // Smoothed whole, so that a part of a motion moves as it does in the whole.
-    motion = smoothed(std::move(motion), options.smooth).subset(chosen);
+    // Smoothed and retargeted whole, so that a part of a motion moves as it does in the whole.
+    const Retargeted retargeted =
+        retargetTo(targetOf(avatar), smoothed(std::move(motion), options.smooth), options.retarget);
+    if (!retargeted.summary.empty())
+        fmt::print(stderr, "{}: {}\n", options.motion.string(), retargeted.summary);
+    motion = retargeted.motion.subset(chosen);
     Device device(options.common.deviceOptions());
 
     std::vector<Shot> shots;
@@ -59,8 +65,7 @@ void runRender(const RenderOptions& options) {
                 turned(shot, static_cast<double>(i) / static_cast<double>(motion.size())));
         }
     } else {
-        shots = throughOwnCameras(
-            throughCameras(readMotion(options.motion), options.camera).subset(chosen));
+        shots = throughOwnCameras(throughCameras(retargeted.motion, options.camera).subset(chosen));
     }
     for (Shot& shot : shots) shot.camera = scaled(shot.camera, options.size);
 
@@ -93,12 +98,15 @@ void runRender(const RenderOptions& options) {
     double fps = options.fps > 0 ? options.fps : motion.fps > 0 ? motion.fps : 25;
     double change =
         renderShots(device, avatar, shots, background, options.out, fps, "render", texture);
-    if (options.common.json)
-        printJson(nlohmann::ordered_json{
-            {"frames", shots.size()}, {"out", options.out.string()}, {"mean_change", change}});
-    else
+    if (options.common.json) {
+        nlohmann::ordered_json json{
+            {"frames", shots.size()}, {"out", options.out.string()}, {"mean_change", change}};
+        if (retargeted.changed) json["retarget"] = retargetJson(retargeted);
+        printJson(json);
+    } else {
         fmt::print("{} frames in {}; consecutive pictures differ by {:.2f} (8-bit units)\n",
                    shots.size(), options.out.string(), change);
+    }
 }
 
 namespace {
@@ -122,6 +130,7 @@ void declareFlags(CommandFlags& flags, RenderOptions& o) {
                      "rotations and positions; 0: none")
         ->capture_default_str()
         ->check(CLI::Range(0., 100.));
+    flags.retarget(o.retarget);
     flags->add_option("--size", o.size, "Pixels of the picture's longer side; 0: the camera's")
         ->capture_default_str()
         ->check(CLI::Range(0, 8192));

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "trainer/commands/common_options.h"
+#include "trainer/motion/retarget/retarget.h"
 
 namespace doppel {
 
@@ -16,8 +17,9 @@ struct RenderOptions {
     std::string background = "capture";  // "capture", or a colour "#rrggbb"
     std::string texture = "best";        // a word of textureKind()
     double smooth = 0;                   // frames; see smoothed()
-    int size = 0;                        // pixels of the larger side; 0: the camera's
-    double fps = 0;                      // 0: the motion's
+    RetargetSettings retarget;
+    int size = 0;    // pixels of the larger side; 0: the camera's
+    double fps = 0;  // 0: the motion's
 };
 
 void runRender(const RenderOptions& options);
