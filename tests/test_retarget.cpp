@@ -28,7 +28,7 @@ Betas shaped(std::initializer_list<std::pair<size_t, float>> values) {
     for (const auto& [k, value] : values) betas[k] = value;
     return betas;
 }
-// Legs of .55, .75 and .94 m; and a body of the mean's height, with more girth.
+// Legs of .58, .75 and .93 m; and a body of the mean's height, with more girth.
 const Betas kShort = shaped({{0, -2.5f}}), kMean{}, kTall = shaped({{0, 2.5f}}),
             kHeavy = shaped({{3, 2.5f}, {6, -3.f}, {7, 3.f}});
 
@@ -309,6 +309,7 @@ TEST(Retarget, FeetOfOtherBodiesStandAndDoNotPop) {
             const RetargetFigures &before = *result.before, &after = *result.after;
             const std::string what =
                 fmt::format("{}{}\n{}", c.name, noisy ? ", noisy" : "", shown(result));
+            std::printf("%s\n", what.c_str());  // the figures of docs/results.md
             EXPECT_LT(after.slide, before.slide / (noisy ? 4 : 5)) << what;
             EXPECT_LT(after.height, std::max(9., before.height / 10)) << what;
             EXPECT_LT(after.deepest, 1.) << what;

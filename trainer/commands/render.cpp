@@ -10,7 +10,6 @@
 #include "trainer/avatar/picture_sequence.h"
 #include "trainer/avatar/rendering.h"
 #include "trainer/commands/command.h"
-#include "trainer/commands/retarget.h"
 #include "trainer/data/frame_selection.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 
 #include "trainer/commands/common_options.h"
@@ -23,5 +24,9 @@ struct RenderOptions {
 };
 
 void runRender(const RenderOptions& options);
+
+// Scale, contacts and figures of a motion that was changed, as `doppel retarget` says them too
+// (retarget.cpp).
+nlohmann::ordered_json retargetJson(const Retargeted& retargeted);
 
 }  // namespace doppel

@@ -1,5 +1,4 @@
-#include "trainer/commands/retarget.h"
-
+// `doppel retarget`.
 #include <fmt/format.h>
 
 #include <array>
@@ -9,6 +8,7 @@
 #include "engine/files/ending.h"
 #include "trainer/avatar/rendering.h"
 #include "trainer/commands/command.h"
+#include "trainer/commands/render.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/motion/upright.h"
 
