@@ -15,6 +15,7 @@
 #include "trainer/avatar/rendering.h"
 #include "trainer/motion/bvh.h"
 #include "trainer/motion/session.h"
+#include "trainer/motion/upright.h"
 
 namespace doppel {
 namespace {

@@ -205,6 +205,15 @@ TEST(CommandLine, FillsOptions) {
     EXPECT_EQ(ablate.ablate.preset.refine.steps, 3);
     EXPECT_TRUE(run({"devices", "--json"}).common.json);
     EXPECT_EQ(run({"bench"}).called, "bench");
+    EXPECT_EQ(run({"retarget", "m", "--avatar", "a", "--out", "o.npz"}).called, "retarget");
+    EXPECT_TRUE(run({"render", "a", "--motion", "m", "--out", "x"}).render.retarget.on);
+    const RetargetSettings settings =
+        run({"render", "a", "--motion", "m", "--out", "x", "--retarget", "off", "--contacts",
+             "c.json", "--reach", "space"})
+            .render.retarget;
+    EXPECT_FALSE(settings.on);
+    EXPECT_EQ(settings.contacts, "c.json");
+    EXPECT_EQ(settings.reach, "space");
 }
 
 TEST(CommandLine, NetworksTakeAPrecision) {
@@ -319,6 +328,11 @@ TEST(CommandLine, RefusesWithOneLineAndTwo) {
         "--match-colours: expected something behind to match, found --background none");
     refuse({"export", "a", "--out", "a.fbx"}, "--out: expected a name that ends in .glb");
     refuse({"export", "a", "--out", "a.bvh"}, "--motion: expected one for a.bvh");
+    refuse({"export", "a", "--out", "a.glb", "--motion", "m", "--motion", "n", "--contacts", "c"},
+           "--contacts: expected one --motion, whose contacts they are, found 2");
+    refuse({"retarget", "m", "--avatar", "a", "--out", "o.bvh"},
+           "--out: expected a name that ends in .npz, found \"o.bvh\"");
+    refuse({"render", "a", "--motion", "m", "--out", "d", "--reach", "far"}, "--reach");
     refuse({"export", "a", "--out", "a.glb", "--names", "maya"},
            "--names: expected smpl, vrm, mixamo or unreal");
     refuse({"train", "c", "--out", "a", "--memory", "-5"},
@@ -413,7 +427,7 @@ TEST(CommandLine, HelpShowsAnExample) {
     const Outcome all = run({"--help"});
     EXPECT_EQ(all.status, 0);
     for (const char* command : {"devices", "import", "fit", "check", "train", "render", "eval",
-                                "ablate", "export", "demo", "bench"}) {
+                                "ablate", "export", "demo", "bench", "retarget"}) {
         EXPECT_NE(all.out.find(command), std::string::npos) << command;
         const Outcome one = run({command, "--help"});
         EXPECT_EQ(one.status, 0);

@@ -24,6 +24,7 @@
 #include "trainer/avatar/formats/model_files.h"
 #include "trainer/motion/session.h"
 #include "trainer/motion/skeleton_motion.h"
+#include "trainer/motion/upright.h"
 
 namespace doppel {
 namespace {

@@ -7,8 +7,9 @@
 #include "engine/files/npz.h"
 #include "tests/files.h"
 #include "tests/moving_person.h"
-#include "trainer/avatar/export.h"
 #include "trainer/motion/session.h"
+#include "trainer/motion/skeleton_motion.h"
+#include "trainer/motion/upright.h"
 
 namespace doppel {
 namespace {

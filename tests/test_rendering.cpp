@@ -326,6 +326,7 @@ TEST(Turntable, TurnsOnceWhileTheMotionGoesOn) {
              posesArrays(scene.motion.theta, scene.motion.trans, scene.motion.betas), false);
     RenderOptions options = scene.options("turn");
     options.camera = "turntable";
+    options.retarget.on = false;  // the poses as they are, though the avatar is another body
     options.background = "#000000";
     options.size = 48;
     runRender(options);

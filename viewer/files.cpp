@@ -54,9 +54,11 @@ bool isTaken(const fs::path& path) {
 Take Viewer::readForPlaying(const fs::path& path, const std::string& frames) {
     std::optional<Take> take = frames.empty() ? readTake(path) : std::nullopt;
     if (!take) {
-        Motion motion = readMotion(path);
-        std::vector<size_t> chosen = selectFrames(frames, motion.size());
-        motion = motion.subset(chosen);
+        Retargeted retargeted =
+            retargetTo(targetOf(avatar_->avatar), readMotion(path), options_.retarget);
+        if (!retargeted.summary.empty()) say(path.filename().string() + ": " + retargeted.summary);
+        std::vector<size_t> chosen = selectFrames(frames, retargeted.motion.size());
+        Motion motion = retargeted.motion.subset(chosen);
         std::optional<Capture> pictures;
         if (motion.cameras.empty()) {
             // Upright, and where the avatar stands before it moves.

@@ -17,6 +17,7 @@
 #include "engine/io/image.h"
 #include "trainer/data/frame_cache.h"
 #include "trainer/motion/motion.h"
+#include "trainer/motion/retarget/retarget.h"
 #include "viewer/live_avatar.h"
 #include "viewer/picture/orbit_camera.h"
 #include "viewer/picture/painter.h"
@@ -37,6 +38,7 @@ struct ViewerOptions {
     std::filesystem::path motion;    // a capture, poses.npz or .bvh; may be empty
     std::filesystem::path pose;      // a pose's JSON to begin with; may be empty
     std::string frames;              // of the motion: selectFrames; empty: all
+    RetargetSettings retarget;       // of all motions that are opened
     int width = 1280, height = 800;  // of the window
     // Where what is not saved is kept for the next start (viewer/recovery.h); empty: nowhere.
     std::filesystem::path state;

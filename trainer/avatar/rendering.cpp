@@ -16,6 +16,7 @@
 #include "trainer/data/pose.h"
 #include "trainer/data/progress.h"
 #include "trainer/motion/session.h"
+#include "trainer/motion/upright.h"
 
 namespace doppel {
 
@@ -24,6 +25,12 @@ namespace {
 constexpr int kSamples = 2;  // per pixel and axis
 
 }  // namespace
+
+RetargetTarget targetOf(const Avatar& avatar) {
+    const auto name = avatar.provenance.find("capture");
+    return {avatar.body, avatar.betas,
+            name == avatar.provenance.end() ? std::string() : name->second};
+}
 
 Shot restShot(Device& device, const Avatar& avatar, int size) {
     Shot shot{};

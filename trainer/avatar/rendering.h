@@ -11,8 +11,12 @@
 #include "trainer/avatar/avatar.h"
 #include "trainer/avatar/films/layers.h"
 #include "trainer/motion/motion.h"
+#include "trainer/motion/retarget/retarget.h"
 
 namespace doppel {
+
+// The avatar as one who is given another's motion (retargetTo). The avatar outlives it.
+RetargetTarget targetOf(const Avatar& avatar);
 
 // One picture to draw: a pose in camera space and the camera.
 struct Shot {

@@ -76,6 +76,23 @@ void CommandFlags::frames(std::string& frames, const char* what) {
                                 what));
 }
 
+void CommandFlags::retarget(RetargetSettings& settings) {
+    app_.add_option_function<std::string>(
+            "--retarget", [&settings](const std::string& word) { settings.on = word == "on"; },
+            "Fit the motion to the avatar where its body differs from the one that moved: root "
+            "scaled by the legs, feet kept on the ground, limbs out of the body; off: as it is")
+        ->default_str("on")
+        ->check(CLI::IsMember({"on", "off"}));
+    path("--contacts", settings.contacts,
+         "When heels and toes stand on the ground, .json or .npz (docs/formats.md); without: found "
+         "in the motion");
+    app_.add_option("--reach", settings.reach,
+                    "Hands go where the source's rotations take them, or to the source's points in "
+                    "space: as high above the ground, as far from the root")
+        ->capture_default_str()
+        ->check(CLI::IsMember({"proportion", "space"}));
+}
+
 void CommandFlags::texture(std::string& texture) {
     app_.add_option("--texture", texture,
                     "coarse, refined (for each view), baked (one for all views), or best: refined "

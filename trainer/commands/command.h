@@ -39,6 +39,7 @@
 #include "trainer/avatar/preset.h"
 #include "trainer/commands/common_options.h"
 #include "trainer/eval/measures.h"
+#include "trainer/motion/retarget/retarget.h"
 
 namespace doppel {
 
@@ -73,6 +74,8 @@ public:
     void frames(std::string& frames, const char* what);
     void texture(std::string& texture);  // a word of textureKind()
     void scene(std::string& scene);
+    // --retarget, --contacts, --reach: of a motion for a body.
+    void retarget(RetargetSettings& settings);
     void measures(MeasureOptions& measures);
     void memory(uint64_t& bytes);
 

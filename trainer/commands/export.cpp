@@ -7,10 +7,12 @@
 #include "trainer/avatar/export.h"
 #include "trainer/avatar/formats/model_files.h"
 #include "trainer/avatar/formats/web_page.h"
+#include "trainer/avatar/rendering.h"
 #include "trainer/commands/command.h"
 #include "trainer/commands/manual/choices.h"
 #include "trainer/data/frame_selection.h"
 #include "trainer/data/output_folder.h"
+#include "trainer/motion/upright.h"
 
 namespace doppel {
 
@@ -20,6 +22,7 @@ void runExport(const ExportOptions& options) {
     // Formats' endings are those of what avatars and captures are made of: poses.npz.
     std::vector<std::filesystem::path> inputs = options.motions;
     inputs.push_back(options.avatar);
+    inputs.push_back(options.retarget.contacts);
     for (const auto& motion : options.motions) {  // a file of a capture's stands for the capture
         const auto folder = std::filesystem::absolute(motion).parent_path();
         std::error_code error;
@@ -46,7 +49,10 @@ void runExport(const ExportOptions& options) {
         const Motion read = readMotion(path);
         if (const std::string taken = takenAs(read); !taken.empty())
             fmt::print(stderr, "{}: {}\n", path.string(), taken);
-        motions.push_back(read.subset(selectFrames(options.frames, read.size())));
+        const Retargeted retargeted = retargetTo(targetOf(avatar), read, options.retarget);
+        if (!retargeted.summary.empty())
+            fmt::print(stderr, "{}: {}\n", path.string(), retargeted.summary);
+        motions.push_back(retargeted.motion.subset(selectFrames(options.frames, read.size())));
         keys += motions.back().size();
     }
     const Motion* motion = motions.empty() ? nullptr : &motions.front();
@@ -110,6 +116,7 @@ void declareFlags(CommandFlags& flags, ExportOptions& o) {
                 "A capture, a poses.npz, BVH, glTF, AMASS or an estimator's poses, which becomes "
                 "an animation; of .glb and --web several times");
     flags.frames(o.frames, "Frames of the motion");
+    flags.retarget(o.retarget);
     flags
         ->add_option("--texture", o.texture,
                      "baked (the refined textures of many views in one), coarse, or best: baked "
@@ -143,6 +150,9 @@ void checkName(ExportOptions& options) {
     if (isMotionFile(options.out) && options.motions.empty())
         throwInput("--motion: expected one for {}, which is a motion's file, found none",
                    options.out.string());
+    if (!options.retarget.contacts.empty() && options.motions.size() != 1)
+        throwInput("--contacts: expected one --motion, whose contacts they are, found {}",
+                   options.motions.size());
     jointNamesByWord(options.names, "--names");
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "trainer/commands/common_options.h"
+#include "trainer/motion/retarget/retarget.h"
 
 namespace doppel {
 
@@ -15,6 +16,7 @@ struct ExportOptions {
     std::filesystem::path out, web;              // a file, or a folder of a page; one of both
     std::vector<std::filesystem::path> motions;  // several become several animations
     std::string frames;
+    RetargetSettings retarget;
     std::string texture = "best";  // "baked", "coarse" or "best"
     std::string names = "smpl";    // jointNamesByWord
     bool shapes = false;

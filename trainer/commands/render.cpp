@@ -17,6 +17,7 @@
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"
 #include "trainer/motion/smooth.h"
+#include "trainer/motion/upright.h"
 
 namespace doppel {
 
@@ -179,7 +180,7 @@ void runRender(const RenderOptions& options) {
     catchInterrupts();
     const auto apart = isFilm(options.out) ? requireFileApart : requireApart;
     apart(options.out, {options.avatar, options.motion, options.camera, backgroundFile(options),
-                        options.occluder, options.audio});
+                        options.occluder, options.audio, options.retarget.contacts});
     Avatar avatar = readAvatar(options.avatar);
     TextureKind texture = textureKind(options.texture);
     requireTexture(avatar, texture, options.avatar);
@@ -188,8 +189,12 @@ void runRender(const RenderOptions& options) {
         fmt::print(stderr, "{}: {}\n", options.motion.string(), taken);
     std::vector<size_t> chosen = selectFrames(options.frames, motion.size());
     const double rate = motion.fps;
-    // Smoothed whole, so that a part of a motion moves as it does in the whole.
-    Motion whole = smoothed(std::move(motion), options.smooth);
+    // Smoothed and retargeted whole, so that a part of a motion moves as it does in the whole.
+    const Retargeted retargeted =
+        retargetTo(targetOf(avatar), smoothed(std::move(motion), options.smooth), options.retarget);
+    if (!retargeted.summary.empty())
+        fmt::print(stderr, "{}: {}\n", options.motion.string(), retargeted.summary);
+    Motion whole = retargeted.motion;
     if (options.camera != "capture" && options.camera != "turntable")
         whole = throughCameras(std::move(whole), options.camera);
     motion = whole.subset(chosen);
@@ -229,12 +234,15 @@ void runRender(const RenderOptions& options) {
         soundOf(options, behind, chosen, times[0], std::abs(fps / motion.fps - 1) < .01);
     const double change =
         renderShots(device, avatar, shots, layers, options.out, fps, "render", texture, sound);
-    if (options.common.json)
-        printJson(nlohmann::ordered_json{
-            {"frames", shots.size()}, {"out", options.out.string()}, {"mean_change", change}});
-    else
+    if (options.common.json) {
+        nlohmann::ordered_json json{
+            {"frames", shots.size()}, {"out", options.out.string()}, {"mean_change", change}};
+        if (retargeted.changed) json["retarget"] = retargetJson(retargeted);
+        printJson(json);
+    } else {
         fmt::print("{} frames in {}; consecutive pictures differ by {:.2f} (8-bit units)\n",
                    shots.size(), options.out.string(), change);
+    }
 }
 
 namespace {
@@ -275,6 +283,7 @@ void declareFlags(CommandFlags& flags, RenderOptions& o) {
                      "rotations and positions; 0: none")
         ->capture_default_str()
         ->check(CLI::Range(0., 100.));
+    flags.retarget(o.retarget);
     flags->add_option("--size", o.size, "Pixels of the picture's longer side; 0: the camera's")
         ->capture_default_str()
         ->check(CLI::Range(0, 8192));

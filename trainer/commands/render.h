@@ -2,9 +2,11 @@
 #pragma once
 
 #include <filesystem>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 
 #include "trainer/commands/common_options.h"
+#include "trainer/motion/retarget/retarget.h"
 
 namespace doppel {
 
@@ -20,10 +22,15 @@ struct RenderOptions {
     std::string audio = "source";  // "source", "none", or a file that has sound
     std::string texture = "best";  // a word of textureKind()
     double smooth = 0;             // frames; see smoothed()
-    int size = 0;                  // pixels of the larger side; 0: the camera's
-    double fps = 0;                // 0: the motion's
+    RetargetSettings retarget;
+    int size = 0;    // pixels of the larger side; 0: the camera's
+    double fps = 0;  // 0: the motion's
 };
 
 void runRender(const RenderOptions& options);
+
+// Scale, contacts and figures of a motion that was changed, as `doppel retarget` says them too
+// (retarget.cpp).
+nlohmann::ordered_json retargetJson(const Retargeted& retargeted);
 
 }  // namespace doppel

@@ -22,6 +22,7 @@ void declareFlags(CommandFlags& flags, ViewOptions& o) {
     flags.path("--motion", o.viewer.motion,
                "A capture, a poses.npz, BVH, glTF, AMASS or an estimator's poses to play");
     flags.frames(o.viewer.frames, "Frames of the motion");
+    flags.retarget(o.viewer.retarget);
     flags.path("--pose", o.viewer.pose, "A pose to begin with, JSON as the viewer copies it");
     flags->add_option("--camera", o.viewer.camera,
                       "Where to look from, as the viewer copies it (Ctrl + Shift + C)");

@@ -44,12 +44,13 @@ MotionFormat::MotionFormat(const Declaration& declaration) {
 }
 
 Motion Motion::subset(std::span<const size_t> indices) const {
-    Motion part{source, name, note, selectedRate(fps, indices), {}, {}, betas, {}};
+    Motion part{source, name, note, selectedRate(fps, indices), {}, {}, betas, {}, {}};
     for (size_t i : indices) {
         CHECK(i < size(), "frame {} is one of the motion's {}", i, size());
         part.theta.push_back(theta[i]);
         part.trans.push_back(trans[i]);
         if (!cameras.empty()) part.cameras.push_back(cameras[i]);
+        if (!views.empty()) part.views.push_back(views[i]);
     }
     return part;
 }
@@ -92,6 +93,9 @@ Motion throughCameras(Motion motion, const fs::path& path) {
     for (size_t f = 0; f < motion.size(); ++f)
         movePose(cameras.extrinsics[f], motion.theta[f], motion.trans[f]);
     motion.cameras = std::move(cameras.cameras);
+    motion.views = std::move(cameras.extrinsics);
+    if (std::ranges::all_of(motion.views, [](const RigidMotion& v) { return v == RigidMotion{}; }))
+        motion.views.clear();
     return motion;
 }
 

@@ -24,6 +24,9 @@ struct Motion {
     Betas betas{};
     // Per frame where the source is a capture; then theta and trans are in camera space.
     std::vector<Camera> cameras;
+    // Per frame, from the world of the cameras' file to the camera that saw the frame; empty where
+    // the cameras stand in the world's origin.
+    std::vector<RigidMotion> views;
 
     size_t size() const { return theta.size(); }
     // These frames, at the rate that keeps the motion's speed.
