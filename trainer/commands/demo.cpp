@@ -28,7 +28,7 @@ namespace doppel {
 
 namespace {
 
-constexpr int kSize = 256, kTurnFrames = 24, kMotionFrames = 8, kFilmSize = 384;
+constexpr int kSize = 512, kTurnFrames = 24, kMotionFrames = 8, kFilmSize = 384;
 constexpr int kFilmFrames = 72, kFramesPerSecond = 24;
 
 double mean(const std::vector<double>& values) {

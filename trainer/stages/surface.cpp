@@ -36,6 +36,16 @@ void takeRows(Capture& capture, const std::vector<float>& rows) {
     }
 }
 
+// The preset with crops no larger than frames are: a crop has the frame's own pixels where it can
+// (trainer/stages/training_frames.h), and beyond the frame there is nothing to learn.
+SurfacePreset fitting(SurfacePreset preset, const Capture& capture) {
+    int longest = 1;
+    for (const Frame& frame : capture.frames)
+        longest = std::max({longest, frame.camera.width, frame.camera.height});
+    preset.size = std::min(preset.size, (longest + 15) / 16 * 16);
+    return preset;
+}
+
 std::vector<int32_t> wordsOf(const StepParams& params) {
     std::vector<int32_t> words(sizeof(StepParams) / 4);
     std::memcpy(words.data(), &params, sizeof(params));
@@ -46,7 +56,7 @@ std::vector<int32_t> wordsOf(const StepParams& params) {
 
 std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, Capture& capture,
                                         const SurfaceRun& run) {
-    const SurfacePreset& preset = run.preset;
+    const SurfacePreset preset = fitting(run.preset, capture);
     const bool coloured = !run.texels.empty();
     FrameCache cache(capture);
     std::optional<BackgroundPlates> scene;
@@ -158,7 +168,7 @@ void fitPosesToPictures(Device& device, const Avatar& avatar, Capture& capture, 
 void planShape(Device& device, const Avatar& avatar, const Capture& capture,
                const TrainSettings& settings) {
     SurfaceStep(device, avatar.body, {.poses = poseRows(capture), .betas = capture.betas},
-                avatar.preset.shape, settings.compileOptions());
+                fitting(avatar.preset.shape, capture), settings.compileOptions());
 }
 
 void planTexels(Device& device, const Avatar& avatar, const Capture& capture,
@@ -166,7 +176,7 @@ void planTexels(Device& device, const Avatar& avatar, const Capture& capture,
     const int size = avatar.preset.texture.textureSize;
     SurfaceStart start{.poses = poseRows(capture), .betas = capture.betas, .textureSize = size};
     start.texels.resize(3 * static_cast<size_t>(size) * static_cast<size_t>(size));
-    SurfaceStep(device, avatar.body, std::move(start), avatar.preset.texels,
+    SurfaceStep(device, avatar.body, std::move(start), fitting(avatar.preset.texels, capture),
                 settings.compileOptions());
 }
 
