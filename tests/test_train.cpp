@@ -79,6 +79,29 @@ TEST(Train, LearnsAndRepeatsItselfToTheByte) {
     }
 }
 
+// How many faces of the rest pose, offsets added, are turned away from where the model's point.
+int turnedFaces(const BodyModel& body) {
+    const std::vector<float> rest = body.restVertices();
+    auto normal = [&](const std::vector<float>& x, size_t face) {
+        auto at = [&](size_t corner, size_t c) {
+            return double{x[3 * size_t(body.faces[3 * face + corner]) + c]};
+        };
+        std::array<double, 3> n{};
+        for (size_t a = 0; a < 3; ++a) {
+            const size_t b = (a + 1) % 3, c = (a + 2) % 3;
+            n[a] = (at(1, b) - at(0, b)) * (at(2, c) - at(0, c)) -
+                   (at(1, c) - at(0, c)) * (at(2, b) - at(0, b));
+        }
+        return n;
+    };
+    int turned = 0;
+    for (size_t f = 0; f < size_t(body.faceCount); ++f) {
+        const auto a = normal(body.templateVertices, f), b = normal(rest, f);
+        turned += a[0] * b[0] + a[1] * b[1] + a[2] * b[2] < 0;
+    }
+    return turned;
+}
+
 // A surface of its own: the outline and the colours of frames that it learned from.
 TEST(Train, LearnsASurfaceBeyondTheModel) {
     test::Folder folder;
@@ -104,31 +127,19 @@ TEST(Train, LearnsASurfaceBeyondTheModel) {
     EXPECT_LT(std::abs(figure("outline_bias")), .15);
     EXPECT_GT(figure("psnr_interior"), 24);
 
-    // Few faces are turned against the model's, and no vertex flies off.
+    // Few faces are turned against the model's, for being turned costs something, and no vertex
+    // flies off.
     const BodyModel& body = result.avatar.body;
-    const std::vector<float> rest = body.restVertices();
-    auto normal = [&](const std::vector<float>& x, size_t face) {
-        auto at = [&](size_t corner, size_t c) {
-            return double{x[3 * size_t(body.faces[3 * face + corner]) + c]};
-        };
-        std::array<double, 3> n{};
-        for (size_t a = 0; a < 3; ++a) {
-            const size_t b = (a + 1) % 3, c = (a + 2) % 3;
-            n[a] = (at(1, b) - at(0, b)) * (at(2, c) - at(0, c)) -
-                   (at(1, c) - at(0, c)) * (at(2, b) - at(0, b));
-        }
-        return n;
-    };
-    int turned = 0;
-    for (size_t f = 0; f < size_t(body.faceCount); ++f) {
-        const auto a = normal(body.templateVertices, f), b = normal(rest, f);
-        turned += a[0] * b[0] + a[1] * b[1] + a[2] * b[2] < 0;
-    }
+    const int turned = turnedFaces(body);
     EXPECT_LT(turned, body.faceCount / 500);
+    avatar.preset.shape.folds = avatar.preset.texels.folds = 0;
+    settings.out = folder.path() / "free";
+    const TrainResult free = trainAvatar(testDevice(), avatar, capture, settings);
+    EXPECT_GT(2 * turnedFaces(free.avatar.body), 3 * turned);
     for (float x : body.offsets) EXPECT_LT(std::abs(x), .2f);
 
     // On disk and back, and its joints go where its surface goes.
-    const Avatar read = readAvatar(settings.out);
+    const Avatar read = readAvatar(folder.path() / "a");
     EXPECT_EQ(read.body.offsets, body.offsets);
     EXPECT_EQ(read.texels, result.avatar.texels);
     EXPECT_EQ(read.texture, read.texels);
@@ -161,6 +172,27 @@ TEST(Train, TakesFramesOfSeveralSizesAndEmptyOnes) {
     const TrainResult result = trainAvatar(testDevice(), avatar, capture, settings);
     // The empty frame has moved nobody.
     for (float x : result.avatar.body.offsets) EXPECT_LT(std::abs(x), .1f);
+}
+
+TEST(Train, CropsAreNoLargerThanFrames) {
+    test::Folder folder;
+    const Capture capture = tinyCapture(folder.path() / "capture");  // 128 pixels a side
+    auto offsetsWith = [&](int size) {
+        Avatar avatar;
+        avatar.bodyArrays = readBodyArrays("default");
+        avatar.body = bodyFromNpz(avatar.bodyArrays);
+        avatar.preset = tinyPreset();
+        avatar.preset.shape.size = size;
+        avatar.preset.shape.steps = 3;
+        TrainSettings settings;
+        settings.out = folder.path() / std::to_string(size);
+        settings.pictureSeconds = 0;
+        settings.stages = {"shape"};
+        return trainAvatar(testDevice(), avatar, capture, settings).avatar.body.offsets;
+    };
+    const std::vector<float> offsets = offsetsWith(128);
+    EXPECT_EQ(offsetsWith(256), offsets);
+    EXPECT_NE(offsetsWith(64), offsets);
 }
 
 TEST(Train, RefusesWhatIsNoAvatar) {

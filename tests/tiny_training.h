@@ -16,6 +16,7 @@ inline Preset tinyPreset() {
     preset.shape.size = preset.texels.size = 128;
     preset.shape.steps = 20;
     preset.texels.steps = 20;
+    preset.texels.samples = 2;
     preset.mesh.size = 128;
     preset.mesh.blocks = 1;
     preset.mesh.layers = 2;
