@@ -111,7 +111,7 @@ TEST(Presets, HelpListsEveryNumberWithItsValuesRangeAndMeaning) {
     EXPECT_EQ(lineOf("texture.region"),
               "texture.region intersection intersection intersection union union or "
               "intersection");
-    EXPECT_EQ(lineOf("mesh.steps"), "mesh.steps 60 300 1000 0 0 or more");
+    EXPECT_EQ(lineOf("mesh.steps"), "mesh.steps 150 300 1000 0 0 or more");
 }
 
 }  // namespace

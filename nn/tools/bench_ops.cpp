@@ -201,7 +201,10 @@ void addOps() {
     addCase({"vertex_normals", "body", {verts, faces}});
     addCase({"laplacian_loss", "body", {verts, faces}});
     addCase({"normal_consistency_loss", "body", {verts, faces}});
-    addCase({"offset_penalty", "body", {verts, faces, {"weight", {V}}}});
+    addCase({"offset_penalty", "body", {verts, faces}});
+    addCase({"fold_penalty",
+             "body",
+             {verts, {"reference", {V, 3}}, {"weight", {topology.faceCount}}, faces}});
     addCase({"smooth_solve", "body", {verts, faces}});
     addCase({"offset_clamp", "body", {verts, {"offset", {V, 3}}, {"limit", {V}, [V] {
                                                                       return std::vector<float>(
