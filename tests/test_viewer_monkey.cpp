@@ -42,6 +42,7 @@ TEST_F(MonkeyTest, RandomEventsLeaveTheWindowAliveAndItsUndoWhole) {
     options.motion = *folder_ / "motion.npz";
     options.state = *folder_ / "state";
     options.width = 700, options.height = 520;
+    options.retarget.on = false;  // its first pose is the one from before it was opened
     Viewer& viewer = open(options);
     viewer.settings().panel = true;
     settle();
