@@ -173,6 +173,9 @@ TEST(CommandLine, FillsOptions) {
     EXPECT_EQ(run({"demo"}).demo.actor, "woman");
     for (const std::string& actor : actorNames(assetFolder() / "actor"))
         EXPECT_EQ(run({"demo", "--actor", actor}).demo.actor, actor);
+    EXPECT_EQ(run({"demo"}).demo.size, 512);
+    EXPECT_EQ(run({"demo", "--size", "256"}).demo.size, 256);
+    EXPECT_EQ(run({"demo", "--size", "63"}).status, 2);
     EXPECT_EQ(run({"demo"}).demo.clip, 0);
     EXPECT_EQ(run({"demo", "--clip", "2.5", "--still-camera"}).demo.clip, 2.5);
     EXPECT_EQ(run({"demo", "--clip", "-1"}).status, 2);

@@ -41,6 +41,23 @@ TEST_F(Refusals, OutputsOverInputs) {
         words.insert(words.end(), {flag, at("room.mov")});
         refuses(words, "expected a file apart from the input " + at("room.mov"), 2);
     }
+    // The clip that a capture was made of, and files beside the motion's; a film whose name is a
+    // picture's would be taken for a frame.
+    write(*this / "clip.mov", "a film");
+    fs::copy(*this / "capture", *this / "filmed", fs::copy_options::recursive);
+    write(*this / "filmed/capture.toml",
+          "name = \"filmed\"\n[source]\nfolder = \"" + at("clip.mov") + "\"\n");
+    const auto of = [&](const char* motion, std::vector<std::string> words) {
+        std::ranges::replace(words, at("capture"), at(motion));
+        return words;
+    };
+    for (const char* motion : {"filmed", "filmed/poses.npz"})
+        refuses(of(motion, render(at("clip.mov"))),
+                "expected a file apart from the input " + at("clip.mov"), 2);
+    refuses(of("filmed", render(at("filmed/images/0.webp"))), "a place inside the input", 2);
+    refuses({"retarget", at("capture/poses.npz"), "--avatar", at("avatar"), "--out",
+             at("capture/cameras.npz")},
+            "expected a place apart from the input " + at("capture"), 2);
     // By way of links, for folders and files.
     fs::create_directory_symlink(*this / "capture", *this / "alias");
     refuses(fit(at("alias")), "found the input itself", 2);

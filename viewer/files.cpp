@@ -54,8 +54,9 @@ bool isTaken(const fs::path& path) {
 Take Viewer::readForPlaying(const fs::path& path, const std::string& frames) {
     std::optional<Take> take = frames.empty() ? readTake(path) : std::nullopt;
     if (!take) {
-        Retargeted retargeted =
-            retargetTo(targetOf(avatar_->avatar), readMotion(path), options_.retarget);
+        Motion read = readMotion(path);
+        const RetargetTarget target = targetOf(avatar_->avatar, options_.avatar, read);
+        Retargeted retargeted = retargetTo(target, std::move(read), options_.retarget);
         if (!retargeted.summary.empty()) say(path.filename().string() + ": " + retargeted.summary);
         std::vector<size_t> chosen = selectFrames(frames, retargeted.motion.size());
         Motion motion = retargeted.motion.subset(chosen);

@@ -25,6 +25,18 @@ Tensor sum(Graph& graph, const Tensor& x, uint32_t n) {
     return y;
 }
 
+// Adds what arrives at the faces' sums over their corners, dfaces [F,3], to the gradient of verts.
+void cornerGradient(Graph& graph, const Tensor& verts, const MeshTensors& mesh,
+                    const Tensor& dfaces) {
+    graph.dispatch("mesh/corner_gradient.from_faces",
+                   {{"verts", verts},
+                    {"cornerBegin", mesh.cornerBegin},
+                    {"corners", mesh.corners},
+                    {"dfaces", dfaces},
+                    {"dverts", graph.gradientTarget(verts)}},
+                   MeshParams{vertexCountOf(mesh), 1}, vertexCountOf(mesh));
+}
+
 MeshTensors meshOf(OpCall& c) {
     int64_t vertices = c["verts"].dim(0);
     if (vertices < 1) throwInput("verts: expected one vertex or more, found none");
@@ -262,13 +274,7 @@ Tensor foldPenalty(Graph& graph, const Tensor& verts, const Tensor& reference, c
         graph.dispatch("mesh/fold_penalty.backward",
                        {{"walls", walls}, {"dloss", graph.gradient(loss)}, {"dfaces", dfaces}},
                        params, faces);
-        graph.dispatch("mesh/corner_gradient.from_faces",
-                       {{"verts", verts},
-                        {"cornerBegin", mesh.cornerBegin},
-                        {"corners", mesh.corners},
-                        {"dfaces", dfaces},
-                        {"dverts", graph.gradientTarget(verts)}},
-                       MeshParams{vertexCountOf(mesh), 1}, vertexCountOf(mesh));
+        cornerGradient(graph, verts, mesh, dfaces);
     });
     return loss;
 }
@@ -334,13 +340,7 @@ Tensor normalConsistencyLoss(Graph& graph, const Tensor& verts, const MeshTensor
                         {"dloss", graph.gradient(loss)},
                         {"dfaces", dfaces}},
                        params, faces);
-        graph.dispatch("mesh/corner_gradient.from_faces",
-                       {{"verts", verts},
-                        {"cornerBegin", mesh.cornerBegin},
-                        {"corners", mesh.corners},
-                        {"dfaces", dfaces},
-                        {"dverts", graph.gradientTarget(verts)}},
-                       MeshParams{vertexCountOf(mesh), 1}, vertexCountOf(mesh));
+        cornerGradient(graph, verts, mesh, dfaces);
     });
     return loss;
 }

@@ -177,7 +177,7 @@ Preset presetByName(std::string_view name) {
         preset.mesh.hidden = 32;
         preset.mesh.deviation = .03;
         preset.mesh.size = 512;
-        preset.mesh.stay = 200;  // the texels know where the surface is, to half a millimetre
+        preset.mesh.stay = 200;  // poses and texels were found without the network
         preset.mesh.steps = 150;
         preset.texture.size = 256;
         preset.texture.textureSize = 512;  // texels of about a pixel,

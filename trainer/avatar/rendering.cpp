@@ -13,6 +13,7 @@
 #include "trainer/avatar/films/colour_match.h"
 #include "trainer/avatar/films/picture_sequence.h"
 #include "trainer/avatar/sheet.h"
+#include "trainer/avatar/training_poses.h"
 #include "trainer/data/pose.h"
 #include "trainer/data/progress.h"
 #include "trainer/motion/session.h"
@@ -26,10 +27,9 @@ constexpr int kSamples = 2;  // per pixel and axis
 
 }  // namespace
 
-RetargetTarget targetOf(const Avatar& avatar) {
-    const auto name = avatar.provenance.find("capture");
-    return {avatar.body, avatar.betas,
-            name == avatar.provenance.end() ? std::string() : name->second};
+RetargetTarget targetOf(const Avatar& avatar, const std::filesystem::path& folder,
+                        const Motion& motionAsRead) {
+    return {avatar.body, avatar.betas, wasTrainedOn(folder, motionAsRead)};
 }
 
 Shot restShot(Device& device, const Avatar& avatar, int size) {

@@ -15,8 +15,10 @@
 
 namespace doppel {
 
-// The avatar as one who is given another's motion (retargetTo). The avatar outlives it.
-RetargetTarget targetOf(const Avatar& avatar);
+// The avatar as one who is given this motion (retargetTo), which is told from its own by the poses
+// that it has as it was read. folder: the avatar's. The avatar outlives it.
+RetargetTarget targetOf(const Avatar& avatar, const std::filesystem::path& folder,
+                        const Motion& motionAsRead);
 
 // One picture to draw: a pose in camera space and the camera.
 struct Shot {

@@ -19,6 +19,22 @@ Row rowOf(const Theta& theta, const Trans& trans) {
     return row;
 }
 
+// Numbers of an avatar's training frames, of which there are so many, by the poses that the capture
+// had.
+std::map<Row, size_t> framesByGivenPose(const std::filesystem::path& path, size_t frames) {
+    const std::vector<float> rows = readNpz(path)
+                                        .at("given")
+                                        .requireShape({static_cast<int64_t>(frames), int64_t{kRow}})
+                                        .toF32();
+    std::map<Row, size_t> known;
+    for (size_t f = 0; f < frames; ++f) {
+        Row row;
+        std::copy_n(rows.begin() + static_cast<std::ptrdiff_t>(f * kRow), kRow, row.begin());
+        known.emplace(row, f);
+    }
+    return known;
+}
+
 }  // namespace
 
 void writeTrainingPoses(const std::filesystem::path& avatar, const Capture& given,
@@ -33,20 +49,9 @@ void writeTrainingPoses(const std::filesystem::path& avatar, const Capture& give
 }
 
 size_t takeTrainingPoses(const std::filesystem::path& avatar, Capture& capture) {
-    const std::filesystem::path path = avatar / kFile;
-    if (!std::filesystem::exists(path)) return 0;
-    const Poses trained = readPoses(path, true);
-    const std::vector<float> rows =
-        readNpz(path)
-            .at("given")
-            .requireShape({static_cast<int64_t>(trained.theta.size()), int64_t{kRow}})
-            .toF32();
-    std::map<Row, size_t> known;
-    for (size_t f = 0; f < trained.theta.size(); ++f) {
-        Row row;
-        std::copy_n(rows.begin() + static_cast<std::ptrdiff_t>(f * kRow), kRow, row.begin());
-        known.emplace(row, f);
-    }
+    if (!std::filesystem::exists(avatar / kFile)) return 0;
+    const Poses trained = readPoses(avatar / kFile, true);
+    const std::map<Row, size_t> known = framesByGivenPose(avatar / kFile, trained.theta.size());
     size_t taken = 0;
     for (size_t f = 0; f < capture.size(); ++f) {
         const auto found = known.find(rowOf(capture.theta[f], capture.trans[f]));
@@ -56,6 +61,15 @@ size_t takeTrainingPoses(const std::filesystem::path& avatar, Capture& capture) 
         ++taken;
     }
     return taken;
+}
+
+bool wasTrainedOn(const std::filesystem::path& avatar, const Motion& motion) {
+    if (motion.cameras.empty() || !std::filesystem::exists(avatar / kFile)) return false;
+    const size_t frames = readPoses(avatar / kFile, true).theta.size();
+    const std::map<Row, size_t> known = framesByGivenPose(avatar / kFile, frames);
+    for (size_t f = 0; f < motion.size(); ++f)
+        if (known.contains(rowOf(motion.theta[f], motion.trans[f]))) return true;
+    return false;
 }
 
 }  // namespace doppel

@@ -8,6 +8,7 @@
 #include <span>
 
 #include "trainer/data/capture.h"
+#include "trainer/motion/motion.h"
 
 namespace doppel {
 
@@ -19,5 +20,9 @@ void writeTrainingPoses(const std::filesystem::path& avatar, const Capture& give
 // have, the poses that training found. Returns how many; 0 where the avatar has none. InputError
 // for a file that is damaged.
 size_t takeTrainingPoses(const std::filesystem::path& avatar, Capture& capture);
+
+// Whether the motion, as it was read, is a capture with frames that the avatar was trained on, told
+// likewise. InputError likewise.
+bool wasTrainedOn(const std::filesystem::path& avatar, const Motion& motion);
 
 }  // namespace doppel

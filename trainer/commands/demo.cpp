@@ -28,7 +28,7 @@ namespace doppel {
 
 namespace {
 
-constexpr int kSize = 512, kTurnFrames = 24, kMotionFrames = 8, kFilmSize = 384;
+constexpr int kTurnFrames = 24, kMotionFrames = 8, kFilmSize = 384;
 constexpr int kFilmFrames = 72, kFramesPerSecond = 24;
 
 double mean(const std::vector<double>& values) {
@@ -111,7 +111,7 @@ void runDemo(const DemoOptions& options) {
     // A recording of the actor, every fourth frame held out.
     Actor actor = readActor(assetFolder() / "actor", options.actor);
     SyntheticOptions synthetic;
-    synthetic.size = kSize;
+    synthetic.size = options.size;
     synthetic.seed = options.common.seed;
     Capture capture =
         renderActor(device, actor, actorSession(kTurnFrames, kMotionFrames, kActorDistance),
@@ -227,6 +227,9 @@ void declareFlags(CommandFlags& flags, DemoOptions& o) {
     flags.path("--out", o.out, "Folder to write")->capture_default_str();
     flags->add_option("--actor", o.actor, "Who is recorded")
         ->check(CLI::IsMember(actorNames(assetFolder() / "actor")))
+        ->capture_default_str();
+    flags->add_option("--size", o.size, "Of the recording's frames, pixels")
+        ->check(CLI::Range(64, 2048))
         ->capture_default_str();
     flags
         ->add_option("--clip", o.clip,

@@ -13,7 +13,8 @@ struct DemoOptions {
     CommonOptions common;
     std::filesystem::path out = "out/demo";
     std::string actor = "woman";  // one of actorNames() of assets/actor
-    double clip = 0;  // seconds of a clip to write instead; 0: the whole job
+    int size = 512;               // of the recording's frames, pixels
+    double clip = 0;              // seconds of a clip to write instead; 0: the whole job
     bool still = false;
     Preset preset;
 };

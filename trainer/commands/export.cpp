@@ -10,6 +10,7 @@
 #include "trainer/avatar/rendering.h"
 #include "trainer/commands/command.h"
 #include "trainer/commands/manual/choices.h"
+#include "trainer/data/capture_notes.h"
 #include "trainer/data/frame_selection.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/motion/upright.h"
@@ -20,14 +21,9 @@ void runExport(const ExportOptions& options) {
     const bool isPage = !options.web.empty();
     const std::filesystem::path& place = isPage ? options.web : options.out;
     // Formats' endings are those of what avatars and captures are made of: poses.npz.
-    std::vector<std::filesystem::path> inputs = options.motions;
-    inputs.push_back(options.avatar);
-    inputs.push_back(options.retarget.contacts);
-    for (const auto& motion : options.motions) {  // a file of a capture's stands for the capture
-        const auto folder = std::filesystem::absolute(motion).parent_path();
-        std::error_code error;
-        if (std::filesystem::exists(folder / "cameras.npz", error)) inputs.push_back(folder);
-    }
+    std::vector<std::filesystem::path> inputs{options.avatar, options.retarget.contacts};
+    for (const auto& motion : options.motions)
+        for (const auto& origin : originsOf(motion)) inputs.push_back(origin);
     requireApart(place, inputs);
     for (const auto& companion : companionsOf(options.out)) requireApart(companion, inputs);
     std::optional<OutputFolder> folder;
@@ -49,7 +45,8 @@ void runExport(const ExportOptions& options) {
         const Motion read = readMotion(path);
         if (const std::string taken = takenAs(read); !taken.empty())
             fmt::print(stderr, "{}: {}\n", path.string(), taken);
-        const Retargeted retargeted = retargetTo(targetOf(avatar), read, options.retarget);
+        const Retargeted retargeted =
+            retargetTo(targetOf(avatar, options.avatar, read), read, options.retarget);
         if (!retargeted.summary.empty())
             fmt::print(stderr, "{}: {}\n", path.string(), retargeted.summary);
         motions.push_back(retargeted.motion.subset(selectFrames(options.frames, read.size())));

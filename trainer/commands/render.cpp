@@ -13,6 +13,7 @@
 #include "trainer/avatar/films/picture_sequence.h"
 #include "trainer/avatar/rendering.h"
 #include "trainer/commands/command.h"
+#include "trainer/data/capture_notes.h"
 #include "trainer/data/frame_selection.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"
@@ -160,27 +161,29 @@ std::optional<SoundSource> soundOf(const RenderOptions& options, const Behind& b
     if (behind.footage && behind.footage->isFilm() && hasSound(behind.footage->path()))
         return SoundSource{behind.footage->path(), begin};
     if (!std::filesystem::is_directory(options.motion / "images")) return {};
-    const Capture capture = readCapture(options.motion);
-    const auto named = capture.source.find("folder");
+    const std::filesystem::path clip = clipOf(options.motion);
     std::error_code ignored;
-    if (named == capture.source.end() ||
-        !std::filesystem::is_regular_file(named->second, ignored) || !hasSound(named->second))
-        return {};
+    if (!std::filesystem::is_regular_file(clip, ignored) || !hasSound(clip)) return {};
     if (!keptSpeed) {
         fmt::print(stderr, "{}: its sound is left out, since --fps changes the motion's speed\n",
-                   named->second);
+                   clip.string());
         return {};
     }
-    return SoundSource{named->second, timeInClip(capture, chosen[0], named->second)};
+    fmt::print(stderr, "{}: its sound goes with the film; --audio none leaves it out\n",
+               clip.string());
+    return SoundSource{clip, timeInClip(readCapture(options.motion), chosen[0], clip)};
 }
 
 }  // namespace
 
 void runRender(const RenderOptions& options) {
     catchInterrupts();
-    const auto apart = isFilm(options.out) ? requireFileApart : requireApart;
-    apart(options.out, {options.avatar, options.motion, options.camera, backgroundFile(options),
-                        options.occluder, options.audio, options.retarget.contacts});
+    std::vector<std::filesystem::path> inputs = originsOf(options.motion);
+    inputs.insert(inputs.end(), {options.avatar, options.camera, backgroundFile(options),
+                                 options.occluder, options.audio, options.retarget.contacts});
+    // A film may lie beside pictures, unless it would be taken for one of them.
+    const bool beside = isFilm(options.out) && !isPictureName(options.out);
+    (beside ? requireFileApart : requireApart)(options.out, inputs);
     Avatar avatar = readAvatar(options.avatar);
     TextureKind texture = textureKind(options.texture);
     requireTexture(avatar, texture, options.avatar);
@@ -190,8 +193,9 @@ void runRender(const RenderOptions& options) {
     std::vector<size_t> chosen = selectFrames(options.frames, motion.size());
     const double rate = motion.fps;
     // Smoothed and retargeted whole, so that a part of a motion moves as it does in the whole.
+    const RetargetTarget target = targetOf(avatar, options.avatar, motion);
     const Retargeted retargeted =
-        retargetTo(targetOf(avatar), smoothed(std::move(motion), options.smooth), options.retarget);
+        retargetTo(target, smoothed(std::move(motion), options.smooth), options.retarget);
     if (!retargeted.summary.empty())
         fmt::print(stderr, "{}: {}\n", options.motion.string(), retargeted.summary);
     Motion whole = retargeted.motion;

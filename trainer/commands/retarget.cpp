@@ -9,6 +9,7 @@
 #include "trainer/avatar/rendering.h"
 #include "trainer/commands/command.h"
 #include "trainer/commands/render.h"
+#include "trainer/data/capture_notes.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/motion/upright.h"
 
@@ -37,12 +38,15 @@ constexpr std::array<Figure, 7> kFigures = {{
 }};
 
 void runRetarget(const RetargetCommandOptions& options) {
-    requireApart(options.out, {options.avatar, options.motion, options.settings.contacts});
+    std::vector<std::filesystem::path> inputs = originsOf(options.motion);
+    inputs.insert(inputs.end(), {options.avatar, options.settings.contacts});
+    requireApart(options.out, inputs);
     const Avatar avatar = readAvatar(options.avatar);
     Motion motion = readMotion(options.motion);
     if (const std::string taken = takenAs(motion); !taken.empty())
         fmt::print(stderr, "{}: {}\n", options.motion.string(), taken);
-    const Retargeted result = retargetTo(targetOf(avatar), std::move(motion), options.settings);
+    const RetargetTarget target = targetOf(avatar, options.avatar, motion);
+    const Retargeted result = retargetTo(target, std::move(motion), options.settings);
     Npz arrays = posesArrays(result.motion.theta, result.motion.trans, avatar.betas);
     arrays.set("fps", Array::scalarF64(result.motion.fps));
     if (!result.contacts.empty()) addContacts(arrays, result.contacts);
@@ -56,8 +60,10 @@ void runRetarget(const RetargetCommandOptions& options) {
         return;
     }
     fmt::print("{}: {} frames; {}\n", options.out.string(), result.motion.size(),
-               result.summary.empty() ? "the body is the avatar's own, so the motion stays as it is"
-                                      : result.summary);
+               !result.summary.empty() ? result.summary
+               : options.settings.on
+                   ? "it is of the avatar's own body or frames, and stays as it is"
+                   : "it stays as it is");
     if (!result.changed) return;
     fmt::print("{:<46}{:>10}{:>10}{:>12}\n", "", "source", "as it is", "retargeted");
     for (const Figure& figure : kFigures)

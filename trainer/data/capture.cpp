@@ -15,7 +15,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-bool isPictureName(const fs::path& path) {
+bool isFrameName(const fs::path& path) {
     const std::string ending = endingOf(path);
     return ending == ".png" || ending == ".jpg" || ending == ".jpeg";
 }
@@ -28,7 +28,7 @@ std::map<std::string, fs::path> picturesIn(const fs::path& folder) {
     if (error) throwInput("{}: cannot be read: {}", folder.string(), error.message());
     for (const auto& entry : entries) {
         const fs::path& path = entry.path();
-        if (!isPictureName(path) || path.filename().string().starts_with('.')) continue;
+        if (!isFrameName(path) || path.filename().string().starts_with('.')) continue;
         const auto [at, added] = pictures.emplace(path.stem().string(), path);
         if (!added) {
             throwInput("{}: expected one picture of this name, found {} too", path.string(),

@@ -89,6 +89,25 @@ CaptureNotes readNotes(const fs::path& folder) {
     return notes;
 }
 
+fs::path clipOf(const fs::path& folder) {
+    const CaptureNotes notes = readNotes(folder);
+    const auto named = notes.source.find("folder");
+    std::error_code ignored;
+    if (named == notes.source.end() || !fs::exists(named->second, ignored)) return {};
+    return named->second;
+}
+
+std::vector<fs::path> originsOf(const fs::path& motion) {
+    std::vector<fs::path> origins{motion};
+    std::error_code ignored;
+    const bool isFolder = fs::is_directory(motion, ignored);
+    const fs::path folder = isFolder ? motion : fs::absolute(motion).parent_path();
+    if (!fs::exists(folder / "cameras.npz", ignored)) return origins;
+    if (!isFolder) origins.push_back(folder);
+    if (const fs::path clip = clipOf(folder); !clip.empty()) origins.push_back(clip);
+    return origins;
+}
+
 std::string notesText(const CaptureNotes& notes) {
     toml::table table;
     table.insert("name", notes.name);

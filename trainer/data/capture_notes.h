@@ -25,6 +25,14 @@ struct CaptureNotes {
 // field, what was expected and what was found.
 CaptureNotes readNotes(const std::filesystem::path& folder);
 
+// The film or folder that a capture was made of, as its notes say (source.folder); empty: not said,
+// or not there any more. InputErrors as of readNotes().
+std::filesystem::path clipOf(const std::filesystem::path& folder);
+
+// Files and folders that a motion's file or folder stands for and that nothing may be written over:
+// itself, the capture that it is a file of, and what that capture was made of.
+std::vector<std::filesystem::path> originsOf(const std::filesystem::path& motion);
+
 std::string notesText(const CaptureNotes& notes);
 
 // fps, where it is a number of frames per second; InputError otherwise. what: file and field.

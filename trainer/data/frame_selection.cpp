@@ -100,14 +100,16 @@ std::vector<size_t> selectFrames(std::string_view text, size_t count, std::strin
     return indices;
 }
 
+bool isPictureName(const std::filesystem::path& path) {
+    constexpr const char* kKnown[] = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp"};
+    return std::ranges::count(kKnown, endingOf(path)) > 0;
+}
+
 std::vector<std::filesystem::path> picturesOfFolder(const std::filesystem::path& folder) {
     std::vector<std::filesystem::path> pictures;
     std::error_code error;
     for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
-        constexpr const char* kKnown[] = {".png",  ".jpg",  ".jpeg", ".tif",
-                                          ".tiff", ".webp", ".bmp"};
-        if (std::ranges::count(kKnown, endingOf(entry.path())) == 0 ||
-            entry.path().filename().string().starts_with('.'))
+        if (!isPictureName(entry.path()) || entry.path().filename().string().starts_with('.'))
             continue;
         pictures.push_back(entry.path());
     }

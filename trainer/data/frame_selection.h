@@ -24,7 +24,10 @@ double selectedRate(double fps, std::span<const size_t> indices);
 // "frame9" before "frame10": runs of digits count as numbers.
 bool naturallyBefore(const std::string& a, const std::string& b);
 
-// A folder's pictures (PNG, JPEG, TIFF, WebP, BMP) in natural order; empty: none there.
+// Whether a file with this name is taken for a picture: PNG, JPEG, TIFF, WebP, BMP.
+bool isPictureName(const std::filesystem::path& path);
+
+// A folder's pictures in natural order; empty: none there.
 std::vector<std::filesystem::path> picturesOfFolder(const std::filesystem::path& folder);
 
 }  // namespace doppel

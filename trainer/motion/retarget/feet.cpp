@@ -67,9 +67,9 @@ size_t lengthOf(const Contact& stay) { return stay.last - stay.first + 1; }
 // Of those that wander it says nothing.
 std::vector<glm::dvec3> anchorsOf(const std::vector<Contact>& stays, const Places& places) {
     struct Couple {
-        size_t heel, toe;
+        size_t other;
         double frames;
-        glm::dvec3 apart;
+        glm::dvec3 apart;  // from the other's place to this one's
     };
     std::vector<glm::dvec3> means(stays.size(), glm::dvec3(0));
     for (size_t s = 0; s < stays.size(); ++s) {
@@ -77,7 +77,7 @@ std::vector<glm::dvec3> anchorsOf(const std::vector<Contact>& stays, const Place
             means[s] += kAcross * places[f][numberOf(stays[s])];
         means[s] /= double(lengthOf(stays[s]));
     }
-    std::vector<Couple> couples;
+    std::vector<std::vector<Couple>> couples(stays.size());
     for (size_t h = 0; h < stays.size(); ++h)
         for (size_t t = 0; t < stays.size(); ++t) {
             if (stays[h].point != 0 || stays[t].point != 1 || stays[h].foot != stays[t].foot ||
@@ -90,7 +90,8 @@ std::vector<glm::dvec3> anchorsOf(const std::vector<Contact>& stays, const Place
             for (size_t f = first; f <= last; ++f)
                 apart += kAcross * (places[f][numberOf(stays[t])] - places[f][numberOf(stays[h])]);
             const double frames = double(last - first + 1);
-            couples.push_back({h, t, frames, apart / frames});
+            couples[h].push_back({t, frames, -apart / frames});
+            couples[t].push_back({h, frames, apart / frames});
         }
     constexpr double kStiff = 10;  // of a couple against a mean, both per frame
     std::vector<glm::dvec3> anchors = means;
@@ -98,11 +99,9 @@ std::vector<glm::dvec3> anchorsOf(const std::vector<Contact>& stays, const Place
         for (size_t s = 0; s < stays.size(); ++s) {
             double weight = double(lengthOf(stays[s]));
             glm::dvec3 sum = weight * means[s];
-            for (const Couple& couple : couples) {
-                if (couple.heel != s && couple.toe != s) continue;
+            for (const Couple& couple : couples[s]) {
                 const double stiff = kStiff * couple.frames;
-                sum += stiff * (couple.heel == s ? anchors[couple.toe] - couple.apart
-                                                 : anchors[couple.heel] + couple.apart);
+                sum += stiff * (anchors[couple.other] + couple.apart);
                 weight += stiff;
             }
             anchors[s] = sum / weight;

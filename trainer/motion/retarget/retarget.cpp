@@ -182,9 +182,7 @@ Retargeted retargetTo(const RetargetTarget& target, Motion motion,
     const bool asked = options.contacts || options.reach == Reach::Space;
     const bool shaped = motion.betas != Betas{};
     if (!asked && shaped && motion.betas == target.betas) return asItIs("");
-    if (!asked && !motion.cameras.empty() && !target.capture.empty() &&
-        motion.name == target.capture)
-        return asItIs("");
+    if (!asked && target.learntFromIt) return asItIs("");
     BodyModel model = target.body;
     if (motion.betas != target.betas || !shaped) model.offsets.clear();
     const Proportions theirs = proportionsOf(model, motion.betas),

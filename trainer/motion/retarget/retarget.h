@@ -74,12 +74,11 @@ RetargetFigures figuresOf(const Proportions& source, std::span<const JointPose> 
 
 // ---- for commands -------------------------------------------------------------------------------
 
-// Who is to move: the body with its offsets, its shape, and the name of the capture that it was
-// learnt from.
+// Who is to move: the body with its offsets, and its shape.
 struct RetargetTarget {
     const BodyModel& body;
     const Betas& betas;
-    std::string capture;
+    bool learntFromIt = false;  // from frames of the very motion
 };
 
 struct RetargetSettings {
@@ -90,7 +89,7 @@ struct RetargetSettings {
 
 // The whole motion for that body, before frames are chosen of it. The source's body is the target's
 // model in the motion's own shape, without the target's offsets. The motion stays to the last bit
-// where that is off, where it is of the same person (the same shape, or the capture that the target
+// where that is off, where it is of the same person (the same shape, or the frames that the target
 // was learnt from), and where nothing distinguishes the bodies.
 //
 // InputErrors of the contacts' file, and where contacts are given and there is no ground.
