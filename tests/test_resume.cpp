@@ -33,6 +33,8 @@ Preset restlessPreset() {
     preset.fit.passes = 2;
     preset.shape.steps = 7;
     preset.texels.steps = 7;
+    preset.shape.coarse = .3;
+    preset.texels.coarse = .5;
     preset.mesh.steps = 7;
     preset.mesh.batch = 2;
     preset.mesh.balanceHeadings = true;
@@ -264,6 +266,16 @@ TEST_F(Resume, KeepsThePosesThatItFound) {
     EXPECT_EQ(part.theta[0], seen.theta.back());
     EXPECT_EQ(part.theta[1][5], given.theta[0][5] + .1f);
 
+    // Whoever moves is told likewise, however the motion is called.
+    Motion motion = readMotion(capture());
+    motion.name = "another name";
+    EXPECT_TRUE(wasTrainedOn(whole(), motion));
+    Motion others = motion;
+    for (Theta& theta : others.theta) theta[5] += .1f;
+    EXPECT_FALSE(wasTrainedOn(whole(), others));
+    motion.cameras.clear();
+    EXPECT_FALSE(wasTrainedOn(whole(), motion));
+
     const double asGiven =
         meanMetrics(evaluateAvatar(testDevice(), readAvatar(whole()), given)).iou;
     const double asFound = meanMetrics(evaluateAvatar(testDevice(), readAvatar(whole()), seen)).iou;
@@ -275,6 +287,27 @@ TEST_F(Resume, KeepsThePosesThatItFound) {
     arrays.set("given", Array::f32({2, 3}, std::vector<float>(6)));
     writeNpz(copy / "poses.npz", arrays, true);
     expectInputError([&] { takeTrainingPoses(copy, seen); }, "poses.npz: given: expected shape");
+}
+
+// Coarse steps are those over crops of half the size, and a stage of nothing else ends as one over
+// such crops does.
+TEST_F(Resume, CoarseStepsAreOverCropsOfHalfTheSize) {
+    TrainOptions options = restlessOptions(capture(), folder_->path() / "coarse");
+    options.stages = {"fit", "shape"};
+    options.preset.shape.coarse = 1;
+    runTrain(options);
+    options.out = folder_->path() / "half";
+    options.preset.shape.coarse = 0;
+    options.preset.shape.size /= 2;
+    runTrain(options);
+    options.out = folder_->path() / "full";
+    options.preset.shape.size *= 2;
+    runTrain(options);
+    for (const char* name : {"body.npz", "log/losses_shape.csv"}) {
+        const std::string half = bytesOf(folder_->path() / "half" / name);
+        EXPECT_EQ(bytesOf(folder_->path() / "coarse" / name), half) << name;
+        EXPECT_NE(bytesOf(folder_->path() / "full" / name), half) << name;
+    }
 }
 
 // Texels that are trained again take what was painted over the old ones with them.

@@ -55,38 +55,44 @@ std::vector<float> foldWeights(const BodyModel& body, const std::vector<float>& 
 
 }  // namespace
 
-SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceStart start,
-                         const SurfacePreset& preset, const CompileOptions& options)
-    : graph(device),
-      start_(std::move(start)),
-      transScale_(static_cast<float>(preset.lrTrans / preset.lrTheta)) {
-    const auto frames = static_cast<int64_t>(start_.poses.size()) / kPoseRow;
-    const int64_t size = preset.size, V = body.vertexCount, texture = start_.textureSize;
-    const bool coloured = !start_.texels.empty();
-    const bool movesTexels = coloured && start_.movesTexels;
-    if (start_.offsets.empty()) start_.offsets.resize(static_cast<size_t>(3 * V));
-    corrections.add("correction", {frames, kPoseRow}, std::vector<float>(start_.poses.size()));
-    offsets.add("offsets", {V, 3}, start_.offsets);
-    if (coloured)
-        texels.add("texels", {texture, texture, 3}, std::vector<float>(start_.texels.size()));
+SurfaceState::SurfaceState(Device& device, const BodyModel& body, SurfaceStart first,
+                           const SurfacePreset& preset)
+    : start(std::move(first)), transScale(static_cast<float>(preset.lrTrans / preset.lrTheta)) {
+    const auto frames = static_cast<int64_t>(start.poses.size()) / kPoseRow;
+    const int64_t V = body.vertexCount, texture = start.textureSize;
+    if (start.offsets.empty()) start.offsets.resize(static_cast<size_t>(3 * V));
+    corrections.add("correction", {frames, kPoseRow}, std::vector<float>(start.poses.size()));
+    offsets.add("offsets", {V, 3}, start.offsets);
+    if (!start.texels.empty())
+        texels.add("texels", {texture, texture, 3}, std::vector<float>(start.texels.size()));
     for (Parameters* parameters : {&corrections, &offsets, &texels})
         if (!parameters->entries().empty()) parameters->allocate(device);
+}
+
+SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& state,
+                         const SurfacePreset& preset, const CompileOptions& options)
+    : graph(device) {
+    const SurfaceStart& start = state.start;
+    Parameters &corrections = state.corrections, &offsets = state.offsets, &texels = state.texels;
+    const auto frames = static_cast<int64_t>(start.poses.size()) / kPoseRow;
+    const int64_t size = preset.size, V = body.vertexCount, texture = start.textureSize;
+    const bool coloured = !start.texels.empty();
+    const bool movesTexels = coloured && start.movesTexels;
 
     // What all frames share.
     MeshTensors mesh = meshTensors(graph, meshTopology(body.faces, V, body.file));
     LbsModel skin = lbsModel(graph, body);
     RasterMesh faces = rasterMesh(graph, body.faces, V);
-    Tensor beta = graph.constant(std::span<const float>(start_.betas), {10});
-    Tensor own = start_.movesOffsets
-                     ? graph.parameter(offsets, "offsets")
-                     : graph.constant(std::span<const float>(start_.offsets), {V, 3});
+    Tensor beta = graph.constant(std::span<const float>(start.betas), {10});
+    Tensor own = start.movesOffsets ? graph.parameter(offsets, "offsets")
+                                    : graph.constant(std::span<const float>(start.offsets), {V, 3});
     Tensor rest =
         add(graph, own, graph.constant(std::span<const float>(body.templateVertices), {V, 3}));
     SurfaceLook look;
     if (coloured) {
         Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
         look.atlas = rasterAtlas(graph, uvs, body.uvFaces);
-        look.texture = graph.constant(std::span<const float>(start_.texels), {texture, texture, 3});
+        look.texture = graph.constant(std::span<const float>(start.texels), {texture, texture, 3});
         if (movesTexels)
             look.texture =
                 add(graph, look.texture, binomialMean(graph, graph.parameter(texels, "texels")));
@@ -94,12 +100,12 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceStart sta
 
     constexpr uint32_t kFrameWord = offsetof(StepParams, frame) / 4;
     Tensor table = graph.attach(corrections.section(Parameters::kValues), {frames, kPoseRow});
-    Tensor given = graph.constant(std::span<const float>(start_.poses), {frames, kPoseRow});
+    Tensor given = graph.constant(std::span<const float>(start.poses), {frames, kPoseRow});
     Tensor joints = graph.constant(std::span<const float>(jointWeights(coloured)), {kJointCount});
     PosePriorWeights prior;
     prior.pose = static_cast<float>(preset.priorTheta);
-    prior.trans = static_cast<float>(preset.priorTrans) * transScale_ * transScale_;
-    prior.smooth = start_.video ? static_cast<float>(preset.smoothTheta) : 0.0f;
+    prior.trans = static_cast<float>(preset.priorTrans) * state.transScale * state.transScale;
+    prior.smooth = start.video ? static_cast<float>(preset.smoothTheta) : 0.0f;
     auto weights = [](double a, double b, double c, double d) {
         return PyramidWeights{static_cast<float>(a), static_cast<float>(b), static_cast<float>(c),
                               static_cast<float>(d)};
@@ -114,10 +120,10 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceStart sta
         sample.counts = graph.input({size, size});
         sample.scale = graph.input({1});
         Tensor correction = selectRow(graph, table, sample.step, kFrameWord);
-        if (start_.movesPoses) graph.watch(correction);
+        if (start.movesPoses) graph.watch(correction);
         rows.push_back(correction);
         Pose pose = poseCorrection(graph, selectRow(graph, given, sample.step, kFrameWord),
-                                   correction, transScale_);
+                                   correction, state.transScale);
         PosedBody posed = lbs(graph, skin, rest, pose.theta, beta, pose.trans);
         if (coloured) {
             sample.image = graph.input({size, size, 3});
@@ -138,7 +144,7 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceStart sta
                 pyramidLoss(graph, drawn.image, sample.image, sample.counts, sample.scale,
                             weights(preset.colour1, preset.colour2, preset.colour4, preset.colour8),
                             static_cast<float>(preset.robust)));
-        if (start_.movesPoses)
+        if (start.movesPoses)
             losses.term(
                 "prior", 1,
                 posePrior(graph, correction, selectRow(graph, table, sample.step, kFrameWord, -1),
@@ -146,13 +152,13 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceStart sta
                           prior));
         samples.push_back(sample);
     }
-    if (start_.movesOffsets) {
+    if (start.movesOffsets) {
         losses.term("offsets", 1,
                     offsetPenalty(graph, own, mesh, static_cast<float>(preset.stay),
                                   static_cast<float>(preset.smooth)));
         if (preset.folds > 0) {
             std::vector<float> first = body.templateVertices;
-            std::ranges::transform(first, start_.offsets, first.begin(), std::plus());
+            std::ranges::transform(first, start.offsets, first.begin(), std::plus());
             losses.term(
                 "folds", preset.folds,
                 foldPenalty(graph, rest, graph.constant(std::span<const float>(first), {V, 3}),
@@ -162,7 +168,7 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceStart sta
     }
     if (movesTexels && preset.stayTexels > 0) {  // their mean square
         const auto count = static_cast<size_t>(texture * texture);
-        Tensor first = graph.constant(std::span<const float>(start_.texels), {texture, texture, 3});
+        Tensor first = graph.constant(std::span<const float>(start.texels), {texture, texture, 3});
         Tensor ones = graph.constant(std::vector<float>(count, 1.0f), {texture, texture});
         Tensor mean = graph.constant(std::vector<float>{1 / static_cast<float>(3 * count)}, {1});
         losses.term("texels", preset.stayTexels,
@@ -170,13 +176,13 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceStart sta
     }
     graph.backward(losses.sum());
 
-    if (start_.movesPoses)
+    if (start.movesPoses)
         for (size_t i = 0; i < rows.size(); ++i)
             adamwRow(graph, table, graph.gradient(rows[i]),
                      graph.attach(corrections.section(Parameters::kMoment1), {frames, kPoseRow}),
                      graph.attach(corrections.section(Parameters::kMoment2), {frames, kPoseRow}),
                      withRate(kPoseOptimiser, preset.lrTheta), samples[i].step);
-    if (start_.movesOffsets) {
+    if (start.movesOffsets) {
         auto section = [&](Parameters::Section which) {
             return graph.attach(offsets.view(*offsets.find("offsets"), which), {V, 3});
         };
@@ -193,20 +199,20 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceStart sta
     graph.compile(options);
 }
 
-std::vector<float> SurfaceStep::poses() const {
-    return correctedPoses(start_.poses, corrections.read(*corrections.find("correction")),
-                          transScale_);
+std::vector<float> SurfaceState::poses() const {
+    return correctedPoses(start.poses, corrections.read(*corrections.find("correction")),
+                          transScale);
 }
 
-std::vector<float> SurfaceStep::offsetValues() const {
+std::vector<float> SurfaceState::offsetValues() const {
     return offsets.read(*offsets.find("offsets"));
 }
 
-std::vector<float> SurfaceStep::texelValues() const {
-    std::vector<float> values = binomialMean(texels.read(*texels.find("texels")),
-                                             start_.textureSize, start_.textureSize, 3);
+std::vector<float> SurfaceState::texelValues() const {
+    std::vector<float> values =
+        binomialMean(texels.read(*texels.find("texels")), start.textureSize, start.textureSize, 3);
     for (size_t i = 0; i < values.size(); ++i)
-        values[i] = std::clamp(values[i] + start_.texels[i], 0.0f, 1.0f);
+        values[i] = std::clamp(values[i] + start.texels[i], 0.0f, 1.0f);
     return values;
 }
 

@@ -21,10 +21,11 @@
 namespace doppel {
 
 #define SURFACE_NUMBERS(NUMBER, FLAG, CHOICE)                                                    \
-    NUMBER(int, size, 256, 16, 4096, "side of the crops, pixels")                                \
+    NUMBER(int, size, 256, 16, 4096, "side of the crops, pixels; no more than frames have")      \
     NUMBER(int, samples, 1, 1, 4, "samples of a pixel along each axis")                          \
     NUMBER(int, batch, 4, 1, 64, "frames of a step")                                             \
     NUMBER(int, steps, 0, 0, kNoLimit, "steps; 0: the stage is left out, as in the paper")       \
+    NUMBER(double, coarse, 0, 0, 1, "part of them, the first, over crops of half the size")      \
     NUMBER(double, decay, .1, 1e-6, 1, "part of the rates that is left in the last step")        \
     NUMBER(double, lrTheta, .01, 1e-9, 10, "rad per step and joint")                             \
     NUMBER(double, lrTrans, .003, 0, 10, "m per step")                                           \
@@ -73,6 +74,23 @@ struct SurfaceStart {
 inline constexpr AdamWOptions kSurfaceOptimiser{.beta1 = .9f, .beta2 = .99f, .weightDecay = 0};
 inline constexpr AdamWOptions kPoseOptimiser{.beta1 = .9f, .beta2 = .97f, .weightDecay = 0};
 
+// What steps move. One state may be moved by steps over crops of several sizes, one after another.
+struct SurfaceState {
+    SurfaceStart start;
+    float transScale;  // of corrections: metres per radian, for one rate moves both
+    // texels [size,size,3]: what their mean over neighbours (nn/ops/texture.h) adds to those at the
+    // start, for a picture tells nothing finer.
+    Parameters corrections, offsets, texels;
+
+    SurfaceState(Device& device, const BodyModel& body, SurfaceStart start,
+                 const SurfacePreset& preset);
+
+    // As they are by now.
+    std::vector<float> poses() const;         // [frames, kPoseRow]
+    std::vector<float> offsetValues() const;  // [V,3]
+    std::vector<float> texelValues() const;   // [size,size,3] in [0,1]
+};
+
 // One step over a batch of frames: forward, backward and updates in one graph.
 struct SurfaceStep {
     struct Sample {
@@ -82,24 +100,13 @@ struct SurfaceStep {
         Tensor scale;              // [1] one over the mask's sum
         Tensor image, background;  // [S,S,3]; empty without colours
     };
-    // They outlive what the graph has under way. texels [size,size,3]: what their mean over
-    // neighbours (nn/ops/texture.h) adds to those at the start, for a picture tells nothing finer.
-    Parameters corrections, offsets, texels;
     Graph graph;
     Losses losses{graph};  // silhouette (L_s), colour (L_c), prior, offsets, folds, texels
     std::vector<Sample> samples;
 
-    SurfaceStep(Device& device, const BodyModel& body, SurfaceStart start,
+    // The state outlives what the graph has under way.
+    SurfaceStep(Device& device, const BodyModel& body, SurfaceState& state,
                 const SurfacePreset& preset, const CompileOptions& options = {});
-
-    // As they are by now.
-    std::vector<float> poses() const;         // [frames, kPoseRow]
-    std::vector<float> offsetValues() const;  // [V,3]
-    std::vector<float> texelValues() const;   // [size,size,3] in [0,1]
-
-private:
-    SurfaceStart start_;
-    float transScale_;
 };
 
 }  // namespace doppel

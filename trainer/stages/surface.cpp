@@ -46,6 +46,22 @@ SurfacePreset fitting(SurfacePreset preset, const Capture& capture) {
     return preset;
 }
 
+// The same over crops of half the size.
+SurfacePreset halved(SurfacePreset preset) {
+    preset.size = (preset.size / 2 + 15) / 16 * 16;
+    return preset;
+}
+
+// Steps over crops of one size.
+struct Scale {
+    TrainingFrames frames;
+    SurfaceStep step;
+
+    Scale(TrainingFrames crops, Device& device, const BodyModel& body, SurfaceState& state,
+          const SurfacePreset& preset, const CompileOptions& options)
+        : frames(std::move(crops)), step(device, body, state, preset, options) {}
+};
+
 std::vector<int32_t> wordsOf(const StepParams& params) {
     std::vector<int32_t> words(sizeof(StepParams) / 4);
     std::memcpy(words.data(), &params, sizeof(params));
@@ -58,36 +74,49 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
                                         const SurfaceRun& run) {
     const SurfacePreset preset = fitting(run.preset, capture);
     const bool coloured = !run.texels.empty();
+    SurfaceState state(device, body,
+                       {.poses = poseRows(capture),
+                        .betas = capture.betas,
+                        .offsets = body.offsets,
+                        .texels = run.texels,
+                        .textureSize = run.textureSize,
+                        .movesOffsets = run.movesOffsets,
+                        .movesTexels = run.movesTexels,
+                        .video = isVideo(capture)},
+                       preset);
     FrameCache cache(capture);
     std::optional<BackgroundPlates> scene;
     if (coloured) scene.emplace(capture, cache);
-    TrainingFrames frames(device, body, capture, cache, preset.size,
-                          {.colours = coloured,
-                           .margin = kMargin,
-                           .memoryBudget = run.memoryBudget,
-                           .edges = true,
-                           .scene = scene ? &*scene : nullptr});
-    SurfaceStep step(device, body,
-                     {.poses = poseRows(capture),
-                      .betas = capture.betas,
-                      .offsets = body.offsets,
-                      .texels = run.texels,
-                      .textureSize = run.textureSize,
-                      .movesOffsets = run.movesOffsets,
-                      .movesTexels = run.movesTexels,
-                      .video = isVideo(capture)},
-                     preset,
-                     {.memoryBudget = run.memoryBudget, .timestamps = run.loop.profileSteps > 0});
+    const bool profiles = run.loop.profileSteps > 0;
+    auto scaleOf = [&](const SurfacePreset& numbers) {
+        TrainingFrames frames(device, body, capture, cache, numbers.size,
+                              {.colours = coloured,
+                               .margin = kMargin,
+                               .memoryBudget = run.memoryBudget,
+                               .edges = true,
+                               .scene = scene ? &*scene : nullptr});
+        return std::make_unique<Scale>(
+            std::move(frames), device, body, state, numbers,
+            CompileOptions{.memoryBudget = run.memoryBudget, .timestamps = profiles});
+    };
+    // Coarse to fine: pixels of twice the size reach twice as far, in a quarter of the time.
+    const int64_t coarse = profiles ? 0 : std::llround(preset.coarse * preset.steps);
+    std::unique_ptr<Scale> scale = scaleOf(coarse > 0 ? halved(preset) : preset);
+    bool isCoarse = coarse > 0, started = false;
+    std::vector<double> lastCoarse;  // losses, asked for when the first fine step is under way
 
     FrameSampler sampler(capture.size(), run.loop.seed + 41);
     std::vector<uint32_t> visits(capture.size());
     StageLoop loop{.stage = run.stage, .steps = preset.steps};
-    loop.follow(step.graph, step.losses);
+    loop.follow(scale->step.graph, scale->step.losses);
+    loop.values = [&](int64_t i, int back) {
+        return i < coarse && !isCoarse ? lastCoarse : scale->step.losses.read(back);
+    };
     loop.identity = run.identity;
     loop.identity["frames"] = fmt::format("{}", capture.size());
-    loop.trained = {{"corrections", &step.corrections}};
-    if (run.movesOffsets) loop.trained.emplace_back("offsets", &step.offsets);
-    if (coloured && run.movesTexels) loop.trained.emplace_back("texels", &step.texels);
+    loop.trained = {{"corrections", &state.corrections}};
+    if (run.movesOffsets) loop.trained.emplace_back("offsets", &state.offsets);
+    if (coloured && run.movesTexels) loop.trained.emplace_back("texels", &state.texels);
     loop.frameName = [&](size_t frame) { return capture.frames[frame].name; };
     loop.draw = [&] {
         std::vector<size_t> drawn = sampler.next(preset.batch);
@@ -95,6 +124,15 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
         return drawn;
     };
     loop.submit = [&](int64_t i, const std::vector<size_t>& drawn) {
+        if (isCoarse && i >= coarse) {
+            if (started) lastCoarse = scale->step.losses.read(0);
+            scale.reset();
+            scale = scaleOf(preset);
+            isCoarse = false;
+        }
+        started = true;
+        TrainingFrames& frames = scale->frames;
+        SurfaceStep& step = scale->step;
         const double done =
             static_cast<double>(i) / static_cast<double>(std::max<int64_t>(1, loop.steps - 1));
         const auto rate = static_cast<float>(std::pow(preset.decay, done));
@@ -119,11 +157,11 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
         step.graph.submit();
         frames.prepare(sampler.peek(preset.batch));  // meanwhile
     };
-    auto texels = [&] { return coloured ? step.texelValues() : std::vector<float>(); };
-    if (run.picture) loop.picture = [&] { run.picture(step.offsetValues(), texels()); };
+    auto texels = [&] { return coloured ? state.texelValues() : std::vector<float>(); };
+    if (run.picture) loop.picture = [&] { run.picture(state.offsetValues(), texels()); };
     if (!loop.run(run.loop)) return std::nullopt;
-    takeRows(capture, step.poses());
-    return SurfaceResult{step.offsetValues(), texels()};
+    takeRows(capture, state.poses());
+    return SurfaceResult{state.offsetValues(), texels()};
 }
 
 namespace {
@@ -167,8 +205,10 @@ void fitPosesToPictures(Device& device, const Avatar& avatar, Capture& capture, 
 
 void planShape(Device& device, const Avatar& avatar, const Capture& capture,
                const TrainSettings& settings) {
-    SurfaceStep(device, avatar.body, {.poses = poseRows(capture), .betas = capture.betas},
-                fitting(avatar.preset.shape, capture), settings.compileOptions());
+    const SurfacePreset preset = fitting(avatar.preset.shape, capture);
+    SurfaceState state(device, avatar.body, {.poses = poseRows(capture), .betas = capture.betas},
+                       preset);
+    SurfaceStep(device, avatar.body, state, preset, settings.compileOptions());
 }
 
 void planTexels(Device& device, const Avatar& avatar, const Capture& capture,
@@ -176,8 +216,9 @@ void planTexels(Device& device, const Avatar& avatar, const Capture& capture,
     const int size = avatar.preset.texture.textureSize;
     SurfaceStart start{.poses = poseRows(capture), .betas = capture.betas, .textureSize = size};
     start.texels.resize(3 * static_cast<size_t>(size) * static_cast<size_t>(size));
-    SurfaceStep(device, avatar.body, std::move(start), fitting(avatar.preset.texels, capture),
-                settings.compileOptions());
+    const SurfacePreset preset = fitting(avatar.preset.texels, capture);
+    SurfaceState state(device, avatar.body, std::move(start), preset);
+    SurfaceStep(device, avatar.body, state, preset, settings.compileOptions());
 }
 
 void trainShape(Device& device, TrainResult& result, const TrainSettings& settings) {
