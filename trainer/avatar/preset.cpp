@@ -169,9 +169,11 @@ Preset presetByName(std::string_view name) {
     if (name == "ci") {
         preset.fit.passes = 25;
         preset.fit.sigma = 1e-6;
+        preset.shape.size = preset.texels.size = 512;  // the demo's frames, pixel for pixel
         preset.shape.steps = 200;
-        preset.texels.steps = 350;
-        preset.texels.size = 512;  // the demo's frames, pixel for pixel
+        preset.shape.coarse = .6;
+        preset.texels.steps = 400;
+        preset.texels.coarse = .5;
         preset.mesh.blocks = 2;
         preset.mesh.layers = 3;
         preset.mesh.hidden = 32;

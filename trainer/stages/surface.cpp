@@ -193,7 +193,7 @@ void fitPosesToPictures(Device& device, const Avatar& avatar, Capture& capture, 
                    .texels = avatar.texture,
                    .textureSize = avatar.textureSize,
                    .loop = {.seed = seed}};
-    run.preset.steps = stepsForVisits(100, capture, run.preset);
+    run.preset.steps = stepsForVisits(80, capture, run.preset);
     run.preset.lrTheta = .006;
     run.preset.lrTrans = .002;
     run.preset.priorTheta = .01;
