@@ -21,9 +21,8 @@ Tensor ganLoss(Graph& graph, const GanLossKernels& kernels, const Tensor& x, boo
     GanLossParams params{u32(x.elements()), real ? 1.0f : 0.0f};
     Tensor loss = graph.temporary({});
     graph.beginOp(kernels.name);
-    uint32_t lanes = graph.device().kernelPath().vectorLanes;
     graph.dispatchGroups(kernels.mean, {{"x", x}, {"loss", loss}}, params, Groups{1, 1, 1},
-                         {{"local_size", lanes > 0 ? lanes : 256}});
+                         {{"local_size", 256}});
     graph.differentiate({x}, {loss}, [=, &graph] {
         graph.dispatch(kernels.backward,
                        {{"x", x}, {"dLoss", graph.gradient(loss)}, {"dx", graph.gradientTarget(x)}},

@@ -2,7 +2,6 @@
 // Squares Generative Adversarial Networks, ICCV 2017, equation 2 without its factor of a half.
 // label is 1 for "real", 0 for "fake".
 #version 460
-// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "gan/params.h"
@@ -19,7 +18,7 @@ float slopeAt(float v) { return 2 * (v - params.label); }
 // One workgroup: logits are few.
 ENTRY(mean) {
     vec2 sum = vec2(0);
-    for (uint i = localIndex(); i < params.n; i += sumLanes()) sum.x += valueAt(x.d[i]);
+    for (uint i = localIndex(); i < params.n; i += gl_WorkGroupSize.x) sum.x += valueAt(x.d[i]);
     sum = workgroupSum(sum);
     if (localIndex() == 0) loss.d[0] = sum.x / float(params.n);
 }

@@ -2,7 +2,6 @@
 // it is 0 ("fake"): -log D and -log(1 - D) with D = sigmoid(x), Goodfellow et al., Generative
 // Adversarial Nets, NIPS 2014, equation 1. dx = -sigmoid(-x), or sigmoid(x), times dloss / n.
 #version 460
-// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "gan/params.h"
@@ -28,7 +27,7 @@ float slopeAt(float v) {
 // One workgroup: logits are few.
 ENTRY(mean) {
     vec2 sum = vec2(0);
-    for (uint i = localIndex(); i < params.n; i += sumLanes()) sum.x += valueAt(x.d[i]);
+    for (uint i = localIndex(); i < params.n; i += gl_WorkGroupSize.x) sum.x += valueAt(x.d[i]);
     sum = workgroupSum(sum);
     if (localIndex() == 0) loss.d[0] = sum.x / float(params.n);
 }

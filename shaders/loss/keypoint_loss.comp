@@ -6,7 +6,6 @@
 //     camera.
 // Joints in camera space (m). One workgroup: joints are few.
 #version 460
-// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "loss/params.h"
@@ -35,7 +34,7 @@ vec3 offset(uint j) {
 
 ENTRY(forward) {
     vec2 mine = vec2(0);
-    for (uint j = localIndex(); j < params.joints; j += sumLanes()) {
+    for (uint j = localIndex(); j < params.joints; j += gl_WorkGroupSize.x) {
         vec3 o = offset(j);
         float r2 = dot(o.xy, o.xy);
         mine += o.z * vec2(r2 / (r2 + params.scale * params.scale), 1);

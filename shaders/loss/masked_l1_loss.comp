@@ -2,7 +2,6 @@
 // channels; L_pt of Gomes et al., WACV 2022, section 3.2. Backward: sign(predicted - target) mask /
 // sum mask. What the mask leaves out may be anything, a NaN too. Sums have a fixed order.
 #version 460
-// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "loss/params.h"

@@ -1,21 +1,8 @@
 // Sums in a fixed order: strided partial sums without barriers (which cost much on CPU devices),
-// then one workgroup adds those up as a tree, on a CPU its first subgroup lane by lane: a kernel
-// with barriers takes some 0.3 seconds longer to compile there.
-#if CPU
-#extension GL_KHR_shader_subgroup_arithmetic : require
-#endif
-#extension GL_KHR_shader_subgroup_basic : require
-
+// then one workgroup adds those up as a tree.
 shared vec2 lanes[gl_WorkGroupSize.x];
 
-#if CPU
-uint sumLanes() { return gl_SubgroupSize; }
-vec2 workgroupSum(vec2 mine) { return subgroupAdd(mine); }
-#else
-// Lanes that share a sum.
-uint sumLanes() { return gl_WorkGroupSize.x; }
-
-// The sum over those lanes, in the workgroup's first one.
+// The sum over the workgroup, in its first lane.
 vec2 workgroupSum(vec2 mine) {
     uint lane = localIndex();
     lanes[lane] = mine;
@@ -26,11 +13,9 @@ vec2 workgroupSum(vec2 mine) {
     }
     return lanes[0];
 }
-#endif
 
 // sum: of the buffer partial, in the workgroup's first lane.
-#define SUM_PARTIALS(sum)                                                \
-    vec2 sum = vec2(0);                                                  \
-    for (uint k = localIndex(); k < params.partials; k += sumLanes())    \
-        sum += partial.d[k];                                             \
+#define SUM_PARTIALS(sum)                                                                          \
+    vec2 sum = vec2(0);                                                                            \
+    for (uint k = localIndex(); k < params.partials; k += gl_WorkGroupSize.x) sum += partial.d[k]; \
     sum = workgroupSum(sum)

@@ -3,7 +3,6 @@
 //     dp = -dloss (g U - (1 - g) I) / U^2.
 // Sums have a fixed order; both empty gives 0.
 #version 460
-// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "common/loads.glsl"

@@ -5,7 +5,6 @@
 // structural similarity, 2004, equation 13. The pictures enter less a half, which changes no
 // variance and makes the differences of squares finer. Backward: to a.
 #version 460
-// VARIANTS: plain, cpu
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
 #include "loss/params.h"
