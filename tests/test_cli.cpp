@@ -209,6 +209,7 @@ TEST(CommandLine, FillsOptions) {
     EXPECT_TRUE(run({"devices", "--json"}).common.json);
     EXPECT_EQ(run({"bench"}).called, "bench");
     EXPECT_EQ(run({"retarget", "m", "--avatar", "a", "--out", "o.npz"}).called, "retarget");
+    EXPECT_EQ(run({"mix", "a", "--hair", "b", "--out", "c"}).called, "mix");
     EXPECT_TRUE(run({"render", "a", "--motion", "m", "--out", "x"}).render.retarget.on);
     const RetargetSettings settings =
         run({"render", "a", "--motion", "m", "--out", "x", "--retarget", "off", "--contacts",
@@ -335,6 +336,7 @@ TEST(CommandLine, RefusesWithOneLineAndTwo) {
            "--contacts: expected one --motion, whose contacts they are, found 2");
     refuse({"retarget", "m", "--avatar", "a", "--out", "o.bvh"},
            "--out: expected a name that ends in .npz, found \"o.bvh\"");
+    refuse({"mix", "a", "--out", "b"}, "mix: expected who gives something: --head, --hair");
     refuse({"render", "a", "--motion", "m", "--out", "d", "--reach", "far"}, "--reach");
     refuse({"export", "a", "--out", "a.glb", "--names", "maya"},
            "--names: expected smpl, vrm, mixamo or unreal");
@@ -430,7 +432,7 @@ TEST(CommandLine, HelpShowsAnExample) {
     const Outcome all = run({"--help"});
     EXPECT_EQ(all.status, 0);
     for (const char* command : {"devices", "import", "fit", "check", "train", "render", "eval",
-                                "ablate", "export", "demo", "bench", "retarget"}) {
+                                "ablate", "export", "demo", "bench", "retarget", "mix"}) {
         EXPECT_NE(all.out.find(command), std::string::npos) << command;
         const Outcome one = run({command, "--help"});
         EXPECT_EQ(one.status, 0);

@@ -58,6 +58,8 @@ TEST_F(Refusals, OutputsOverInputs) {
     refuses({"retarget", at("capture/poses.npz"), "--avatar", at("avatar"), "--out",
              at("capture/cameras.npz")},
             "expected a place apart from the input " + at("capture"), 2);
+    refuses({"mix", at("avatar"), "--top", at("avatar"), "--out", at("avatar")},
+            "found the input itself", 2);
     // By way of links, for folders and files.
     fs::create_directory_symlink(*this / "capture", *this / "alias");
     refuses(fit(at("alias")), "found the input itself", 2);
@@ -73,6 +75,14 @@ TEST_F(Refusals, OutputsOverInputs) {
 }
 
 TEST_F(Refusals, OutputsOverSomebodysFiles) {
+    // A trained avatar is no place for a mix, which takes that of an earlier one.
+    fs::copy(*this / "avatar", *this / "trained", fs::copy_options::recursive);
+    refuses({"mix", at("avatar"), "--top", at("trained"), "--hair", at("avatar"), "--out",
+             at("trained")},
+            "found the input itself", 2);
+    fs::copy(*this / "avatar", *this / "friend", fs::copy_options::recursive);
+    refuses({"mix", at("avatar"), "--top", at("friend"), "--out", at("trained")},
+            "found an avatar that was trained; name another folder", 2);
     // A file, and links, where a training is to write.
     write(*this / "notes.txt", "mine");
     refuses(train(at("notes.txt"), "fit"), "found a file in the way; name another place", 2);

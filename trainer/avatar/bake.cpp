@@ -110,6 +110,33 @@ std::vector<float> viewWeights(const BodyModel& body, std::span<const TexelPlace
     return weights;
 }
 
+void spreadCharts(std::span<const TexelPlace> places, int size, std::vector<float>& texture) {
+    CHECK(texture.size() == 3 * places.size(), "a texel has a place");
+    // Ring by ring.
+    auto side = static_cast<size_t>(size);
+    std::vector<size_t> ring;
+    std::vector<bool> covered(places.size());
+    for (size_t i = 0; i < places.size(); ++i)
+        if (places[i].face >= 0) ring.push_back(i), covered[i] = true;
+    while (!ring.empty()) {
+        std::vector<size_t> next;
+        for (size_t from : ring) {
+            size_t x = from % side, y = from / side;
+            auto spread = [&](bool exists, size_t to) {
+                if (!exists || covered[to]) return;
+                covered[to] = true;
+                std::copy_n(&texture[3 * from], 3, &texture[3 * to]);
+                next.push_back(to);
+            };
+            spread(x > 0, from - 1);
+            spread(x + 1 < side, from + 1);
+            spread(y > 0, from - side);
+            spread(y + 1 < side, from + side);
+        }
+        ring = std::move(next);
+    }
+}
+
 TextureBaker::TextureBaker(const BodyModel& body, int size)
     : body_(body),
       size_(size),
@@ -138,29 +165,7 @@ std::vector<float> TextureBaker::result(std::span<const float> rest) const {
             texture[c] =
                 static_cast<float>((sums_[c] + kRestWeight * static_cast<double>(rest[c])) /
                                    (weights_[i] + kRestWeight));
-    // Charts spread over what lies between them, ring by ring.
-    auto side = static_cast<size_t>(size_);
-    std::vector<size_t> ring;
-    std::vector<bool> covered(places_.size());
-    for (size_t i = 0; i < places_.size(); ++i)
-        if (places_[i].face >= 0) ring.push_back(i), covered[i] = true;
-    while (!ring.empty()) {
-        std::vector<size_t> next;
-        for (size_t from : ring) {
-            size_t x = from % side, y = from / side;
-            auto spread = [&](bool exists, size_t to) {
-                if (!exists || covered[to]) return;
-                covered[to] = true;
-                std::copy_n(&texture[3 * from], 3, &texture[3 * to]);
-                next.push_back(to);
-            };
-            spread(x > 0, from - 1);
-            spread(x + 1 < side, from + 1);
-            spread(y > 0, from - side);
-            spread(y + 1 < side, from + side);
-        }
-        ring = std::move(next);
-    }
+    spreadCharts(places_, size_, texture);
     return texture;
 }
 

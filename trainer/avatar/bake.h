@@ -20,6 +20,9 @@ struct TexelPlace {
 // chart's border, and such a texel belongs to the nearest point of the chart.
 std::vector<TexelPlace> texelPlaces(const BodyModel& body, int size);
 
+// Gives the texels between the charts of a texture [size,size,3] the colour of the nearest chart.
+void spreadCharts(std::span<const TexelPlace> places, int size, std::vector<float>& texture);
+
 // How much a view of the mesh (verts [V,3], camera space) says about each texel: the fourth power
 // of the cosine between the smooth normal and the direction to the camera; 0 where it faces away.
 std::vector<float> viewWeights(const BodyModel& body, std::span<const TexelPlace> places,

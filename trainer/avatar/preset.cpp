@@ -172,6 +172,8 @@ Preset presetByName(std::string_view name) {
         preset.shape.size = preset.texels.size = 512;  // the demo's frames, pixel for pixel
         preset.shape.steps = 200;
         preset.shape.coarse = .6;
+        // Steps over small crops are bold, and fold faces where nothing else holds them.
+        preset.shape.folds = preset.texels.folds = 30;
         preset.texels.steps = 400;
         preset.texels.coarse = .5;
         preset.mesh.blocks = 2;

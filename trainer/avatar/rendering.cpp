@@ -171,4 +171,23 @@ double renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>
     return compared > 0 ? difference / static_cast<double>(compared) : 0;
 }
 
+void writePreview(Device& device, const Avatar& avatar, const std::filesystem::path& path) {
+    Shot rest = restShot(device, avatar, 384);
+    AvatarRenderer renderer(device, avatar);
+    Image preview(2 * 384, 384, 3, 255);
+    for (int view = 0; view < 2; ++view) {
+        Shot shot = turned(rest, view * 0.125);
+        Drawing drawing = renderer.draw(shot.theta, shot.trans, shot.camera, 2);
+        for (int y = 0; y < 384; ++y)
+            for (int x = 0; x < 384; ++x) {
+                size_t i = static_cast<size_t>(y * 384 + x);
+                float rest1 = 1 - static_cast<float>(drawing.mask[i]) / 255.0f;
+                for (size_t c = 0; c < 3; ++c)
+                    preview.pixel(384 * view + x, y)[c] = static_cast<uint8_t>(
+                        255 * std::clamp(drawing.rgb[3 * i + c] + rest1, 0.0f, 1.0f));
+            }
+    }
+    writeImage(path, preview);
+}
+
 }  // namespace doppel

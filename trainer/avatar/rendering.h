@@ -53,6 +53,9 @@ double renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>
                    const std::string& what, TextureKind texture = TextureKind::Best,
                    const std::optional<SoundSource>& sound = {});
 
+// The avatar at rest, from the front and from half aside, as its folder's preview.png.
+void writePreview(Device& device, const Avatar& avatar, const std::filesystem::path& path);
+
 // A picture of one colour, "#rrggbb".
 std::vector<float> plainBackground(const std::string& colour, const Camera& camera);
 

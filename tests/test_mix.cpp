@@ -1,0 +1,244 @@
+#include "trainer/avatar/mix/mix.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <functional>
+#include <random>
+
+#include "tests/files.h"
+#include "trainer/avatar/bake.h"
+
+namespace doppel {
+namespace {
+
+constexpr int kSize = 256;  // of textures
+using Colour = std::array<float, 3>;
+constexpr Colour kBlack{.06f, .04f, .03f}, kBrown{.4f, .25f, .1f}, kBlue{.1f, .2f, .6f},
+    kRed{.7f, .1f, .1f}, kGrey{.5f, .5f, .52f}, kGreen{.1f, .4f, .15f}, kPale{.85f, .68f, .6f},
+    kDark{.45f, .3f, .22f};
+
+// A person painted onto the model, who wears what she is told to at each vertex.
+struct Painted {
+    std::array<Colour, kGarmentCount> colours{};  // skin, hair, top, bottom, shoes
+    // Whether the sleeves reach the wrists, and hair the waist.
+    bool longSleeves = false, longHair = false;
+};
+constexpr Painted kAnn{{kPale, kBrown, kBlue, kGrey, kGreen}};
+constexpr Painted kBea{{kDark, kBlack, kRed, kGreen, kGrey}, true};
+
+const BodyModel& body() {
+    static const BodyModel model = bodyFromNpz(readBodyArrays("default"));
+    return model;
+}
+
+Garment wornAt(const Painted& person, size_t v) {
+    const float* weights = &body().weights[v * joint::kCount];
+    const auto most =
+        static_cast<size_t>(std::max_element(weights, weights + joint::kCount) - weights);
+    const float y = body().templateVertices[3 * v + 1], z = body().templateVertices[3 * v + 2];
+    switch (most) {
+        case joint::kHead:
+            return body().face[v] ? Garment::Skin : Garment::Hair;
+        case joint::kNeck:
+            return person.longHair && z < .04f ? Garment::Hair : Garment::Skin;
+        case joint::kLeftWrist:
+        case joint::kRightWrist:
+        case joint::kLeftHand:
+        case joint::kRightHand:
+            return Garment::Skin;
+        case joint::kLeftElbow:
+        case joint::kRightElbow:
+            return person.longSleeves ? Garment::Top : Garment::Skin;
+        case joint::kLeftFoot:
+        case joint::kRightFoot:
+        case joint::kLeftAnkle:
+        case joint::kRightAnkle:
+            return y < -.98f ? Garment::Shoes : Garment::Bottom;
+        case joint::kPelvis:
+        case joint::kLeftHip:
+        case joint::kRightHip:
+        case joint::kLeftKnee:
+        case joint::kRightKnee:
+            return Garment::Bottom;
+        default:
+            return person.longHair && z < .01f && std::abs(body().templateVertices[3 * v]) < .08f
+                       ? Garment::Hair
+                       : Garment::Top;
+    }
+}
+
+// [size,size,3] Texels of colours [V], with noise.
+std::vector<float> paint(const std::function<Colour(size_t)>& colourOf) {
+    std::mt19937 random(1);
+    std::normal_distribution<float> noise(0, .02f);
+    const std::vector<TexelPlace> places = texelPlaces(body(), kSize);
+    std::vector<float> texture(3 * places.size());
+    for (size_t t = 0; t < places.size(); ++t) {
+        if (places[t].face < 0) continue;
+        const auto nearest =
+            size_t(std::ranges::max_element(places[t].corners) - places[t].corners.begin());
+        const Colour colour = colourOf(size_t(body().faces[3 * size_t(places[t].face) + nearest]));
+        for (size_t c = 0; c < 3; ++c) texture[3 * t + c] = colour[c] + noise(random);
+    }
+    return texture;
+}
+
+Avatar avatarOf(const Painted& person, float forward = 0) {
+    Avatar avatar;
+    avatar.bodyArrays = readBodyArrays("default");
+    avatar.body = body();
+    std::vector<float> offsets(3 * size_t(body().vertexCount));
+    for (size_t v = 0; v < size_t(body().vertexCount); ++v) offsets[3 * v + 2] = forward;
+    setOffsets(avatar, offsets);
+    avatar.texture = paint([&](size_t v) { return person.colours[number(wornAt(person, v))]; });
+    avatar.textureSize = kSize;
+    return avatar;
+}
+
+Colour meanWhere(const Avatar& avatar, const std::function<bool(size_t)>& where) {
+    const auto colours = vertexColours(avatar.body, avatar.texture, avatar.textureSize);
+    std::array<double, 3> sum{};
+    double count = 0;
+    for (size_t v = 0; v < colours.size(); ++v) {
+        if (!where(v)) continue;
+        for (size_t c = 0; c < 3; ++c) sum[c] += colours[v][c];
+        ++count;
+    }
+    EXPECT_GT(count, 20);
+    return {float(sum[0] / count), float(sum[1] / count), float(sum[2] / count)};
+}
+
+void expectColour(const Colour& found, const Colour& expected) {
+    for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(found[c], expected[c], .04f) << "channel " << c;
+}
+
+auto movedBy(std::initializer_list<joint::Number> joints) {
+    return [joints = std::vector(joints)](size_t v) {
+        float sum = 0;
+        for (joint::Number j : joints) sum += body().weights[v * joint::kCount + j];
+        return sum > .95f;
+    };
+}
+
+double partThatAgrees(const Painted& person, const std::vector<Garment>& garments) {
+    double same = 0;
+    for (size_t v = 0; v < garments.size(); ++v) same += garments[v] == wornAt(person, v);
+    return same / double(garments.size());
+}
+
+TEST(Garments, AreToldByColourAndPlace) {
+    for (const Painted& person : {kAnn, kBea})
+        EXPECT_GT(partThatAgrees(person, segmentGarments(body(), avatarOf(person).texture, kSize)),
+                  .98);
+    Painted longHair = kAnn;
+    longHair.longHair = true;
+    EXPECT_GT(partThatAgrees(longHair, segmentGarments(body(), avatarOf(longHair).texture, kSize)),
+              .97);
+}
+
+TEST(Garments, APrintIsOfItsShirt) {
+    auto printed = [](size_t v) {
+        const float* x = &body().templateVertices[3 * v];
+        return std::hypot(x[0], x[1] - .1f) < .06f && x[2] > .03f;
+    };
+    const std::vector<float> texture = paint(
+        [&](size_t v) { return printed(v) ? kBrown : kAnn.colours[number(wornAt(kAnn, v))]; });
+    const std::vector<Garment> garments = segmentGarments(body(), texture, kSize);
+    size_t prints = 0;
+    for (size_t v = 0; v < garments.size(); ++v)
+        if (printed(v)) {
+            ++prints;
+            EXPECT_EQ(garments[v], Garment::Top) << "vertex " << v;
+        }
+    EXPECT_GT(prints, 20u);
+}
+
+TEST(Mix, OfOneIsThatOne) {
+    const Avatar ann = avatarOf(kAnn, .01f);
+    const Mix mix = mixAvatars({.base = &ann, .top = &ann});
+    EXPECT_EQ(mix.avatar.body.offsets, ann.body.offsets);
+    EXPECT_EQ(mix.unseen, 0);
+    EXPECT_EQ(mix.given[0], 1);
+    const std::vector<TexelPlace> places = texelPlaces(body(), kSize);
+    for (size_t t = 0; t < places.size(); ++t)
+        for (size_t c = 0; c < 3 && places[t].face >= 0; ++c)
+            ASSERT_NEAR(mix.avatar.texture[3 * t + c], ann.texture[3 * t + c], 1e-5f);
+}
+
+TEST(Mix, TakesAGarmentWithItsSurfaceAndNothingElse) {
+    const Avatar ann = avatarOf(kAnn), bea = avatarOf(kBea, .01f);
+    const Mix mix = mixAvatars({.base = &ann, .top = &bea});
+    const auto chest = movedBy({joint::kSpine2, joint::kSpine3});
+    const auto forearms = movedBy({joint::kLeftElbow, joint::kRightElbow});
+    const auto hands = movedBy({joint::kLeftHand, joint::kRightHand});
+    const auto legs = movedBy({joint::kLeftKnee, joint::kRightKnee});
+    expectColour(meanWhere(mix.avatar, chest), kRed);
+    expectColour(meanWhere(mix.avatar, forearms), kRed);
+    expectColour(meanWhere(mix.avatar, hands), kPale);
+    expectColour(meanWhere(mix.avatar, legs), kGrey);
+    EXPECT_GT(mix.given[3], .2);
+    for (size_t v = 0; v < size_t(body().vertexCount); ++v) {
+        const float forward = mix.avatar.body.offsets[3 * v + 2];
+        if (chest(v)) {
+            EXPECT_NEAR(forward, .01f, 1e-4f);
+        } else if (legs(v) || hands(v)) {
+            EXPECT_NEAR(forward, 0, 1e-4f);
+        }
+    }
+
+    // The other way round arms show that were under sleeves: those of whom gives the top, in the
+    // colour of the other's face.
+    const Mix bare = mixAvatars({.base = &bea, .top = &ann});
+    expectColour(meanWhere(bare.avatar, chest), kBlue);
+    expectColour(meanWhere(bare.avatar, forearms), kDark);
+    expectColour(meanWhere(bare.avatar, hands), kDark);
+}
+
+TEST(Mix, SkinHasTheColourOfTheHeads) {
+    const Avatar ann = avatarOf(kAnn), bea = avatarOf(kBea);
+    const Mix mix = mixAvatars({.base = &ann, .head = &bea});
+    expectColour(meanWhere(mix.avatar, [](size_t v) { return body().face[v] != 0; }), kDark);
+    expectColour(meanWhere(mix.avatar, movedBy({joint::kLeftHand, joint::kRightHand})), kDark);
+    expectColour(meanWhere(mix.avatar, movedBy({joint::kSpine2, joint::kSpine3})), kBlue);
+    // Hair goes with the head unless it is somebody else's.
+    const auto crown = [](size_t v) { return body().templateVertices[3 * v + 1] > .5f; };
+    expectColour(meanWhere(mix.avatar, crown), kBlack);
+    expectColour(meanWhere(mixAvatars({.base = &ann, .head = &bea, .hair = &ann}).avatar, crown),
+                 kBrown);
+}
+
+TEST(Mix, WhatHairCoveredTakesAfterTheGarmentAround) {
+    Painted covered = kAnn;
+    covered.longHair = true;
+    const Avatar ann = avatarOf(covered), bea = avatarOf(kBea);
+    const Mix mix = mixAvatars({.base = &ann, .hair = &bea});
+    EXPECT_GT(mix.unseen, .01);
+    expectColour(meanWhere(mix.avatar,
+                           [&](size_t v) {
+                               return wornAt(covered, v) == Garment::Hair &&
+                                      movedBy({joint::kSpine2, joint::kSpine3})(v);
+                           }),
+                 kBlue);
+}
+
+TEST(Mix, ShapeIsOfTheBodyUnderClothes) {
+    Avatar ann = avatarOf(kAnn), bea = avatarOf(kBea, .01f);
+    bea.betas[0] = 1.5f;
+    const Mix mix = mixAvatars({.base = &ann, .shape = &bea});
+    EXPECT_EQ(mix.avatar.betas, bea.betas);
+    EXPECT_EQ(mix.avatar.body.offsets, ann.body.offsets);
+}
+
+TEST(Mix, OtherBodiesAreRefused) {
+    const Avatar ann = avatarOf(kAnn);
+    Avatar other = avatarOf(kBea);
+    other.body.templateVertices[0] += .1f;
+    other.body.file = "other.npz";
+    const std::string message =
+        test::messageOf<InputError>([&] { mixAvatars({.base = &ann, .top = &other}); });
+    EXPECT_NE(message.find("other.npz: expected the body model of"), std::string::npos) << message;
+}
+
+}  // namespace
+}  // namespace doppel

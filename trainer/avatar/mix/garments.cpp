@@ -1,0 +1,292 @@
+#include "trainer/avatar/mix/garments.h"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/glm.hpp>
+#include <numeric>
+#include <optional>
+
+#include "engine/error.h"
+#include "nn/body/mesh_topology.h"
+
+namespace doppel {
+
+namespace {
+
+using Costs = std::array<double, kGarmentCount>;
+
+// What it costs, in nats, that a vertex which moves with a joint is of a garment.
+constexpr double kNever = 30;
+struct Place {
+    joint::Number joint;
+    Costs costs;  // skin, hair, top, bottom, shoes
+};
+constexpr std::array<Place, joint::kCount> kPlaces = {{
+    {joint::kPelvis, {6, 4, 2, 0, kNever}},
+    {joint::kLeftHip, {2, 6, 3, 0, kNever}},
+    {joint::kRightHip, {2, 6, 3, 0, kNever}},
+    {joint::kSpine1, {6, 3, 0, 2, kNever}},
+    {joint::kLeftKnee, {1, kNever, kNever, 0, 2}},
+    {joint::kRightKnee, {1, kNever, kNever, 0, 2}},
+    {joint::kSpine2, {4, 2, 0, kNever, kNever}},
+    {joint::kLeftAnkle, {1, kNever, kNever, 0, .5}},
+    {joint::kRightAnkle, {1, kNever, kNever, 0, .5}},
+    {joint::kSpine3, {2, 2, 0, kNever, kNever}},
+    {joint::kLeftFoot, {1, kNever, kNever, 2, 0}},
+    {joint::kRightFoot, {1, kNever, kNever, 2, 0}},
+    {joint::kNeck, {0, 1, 1, kNever, kNever}},
+    {joint::kLeftCollar, {1, 1, 0, kNever, kNever}},
+    {joint::kRightCollar, {1, 1, 0, kNever, kNever}},
+    {joint::kHead, {0, 0, kNever, kNever, kNever}},
+    {joint::kLeftShoulder, {1, 2, 0, kNever, kNever}},
+    {joint::kRightShoulder, {1, 2, 0, kNever, kNever}},
+    {joint::kLeftElbow, {.5, kNever, .5, kNever, kNever}},
+    {joint::kRightElbow, {.5, kNever, .5, kNever, kNever}},
+    {joint::kLeftWrist, {0, kNever, 1, kNever, kNever}},
+    {joint::kRightWrist, {0, kNever, 1, kNever, kNever}},
+    {joint::kLeftHand, {0, kNever, kNever, kNever, kNever}},
+    {joint::kRightHand, {0, kNever, kNever, kNever, kNever}},
+}};
+constexpr Costs kFace = {0, 6, kNever, kNever, kNever};  // besides
+
+// Of L*a*b*, in which equal distances look about equally different.
+glm::dvec3 lab(const std::array<double, 3>& srgb) {
+    glm::dvec3 linear;
+    for (int c = 0; c < 3; ++c) {
+        const double x = std::clamp(srgb[size_t(c)], 0., 1.);
+        linear[c] = x <= .04045 ? x / 12.92 : std::pow((x + .055) / 1.055, 2.4);
+    }
+    // Rows of sRGB's primaries in XYZ, each divided by its white (D65).
+    const glm::dvec3 xyz(glm::dot(linear, glm::dvec3(.4124564, .3575761, .1804375)) / .950470,
+                         glm::dot(linear, glm::dvec3(.2126729, .7151522, .0721750)),
+                         glm::dot(linear, glm::dvec3(.0193339, .1191920, .9503041)) / 1.088830);
+    auto root = [](double t) {
+        return t > 216. / 24389 ? std::cbrt(t) : (24389. / 27 * t + 16) / 116;
+    };
+    const double x = root(xyz.x), y = root(xyz.y), z = root(xyz.z);
+    return {116 * y - 16, 500 * (x - y), 200 * (y - z)};
+}
+
+// Round Gaussians around the means of k-means clusters.
+class ColourMixture {
+public:
+    explicit ColourMixture(std::vector<glm::dvec3> colours) {
+        // From light to dark, a quarter each, where clusters begin.
+        std::ranges::stable_sort(colours, {}, &glm::dvec3::x);
+        std::vector<size_t> cluster(colours.size());
+        for (size_t i = 0; i < colours.size(); ++i) cluster[i] = i * kClusters / colours.size();
+        for (int pass = 0; pass < kPasses; ++pass) {
+            fitTo(colours, cluster);
+            for (size_t i = 0; i < colours.size(); ++i)
+                for (size_t k = 0; k < kClusters; ++k)
+                    if (squared(colours[i] - means_[k]) < squared(colours[i] - means_[cluster[i]]))
+                        cluster[i] = k;
+        }
+        fitTo(colours, cluster);
+    }
+
+    // -log of the density, up to a constant; bounded, for any colour may be anywhere once.
+    double cost(const glm::dvec3& colour) const {
+        constexpr double kFloor = 1e-8;
+        double density = kFloor;
+        for (size_t k = 0; k < kClusters; ++k)
+            density += shares_[k] / std::pow(variances_[k], 1.5) *
+                       std::exp(-squared(colour - means_[k]) / (2 * variances_[k]));
+        return -std::log(density);
+    }
+
+private:
+    static constexpr size_t kClusters = 4;
+    static constexpr int kPasses = 20;
+    static constexpr double kLeastVariance = 16;
+
+    static double squared(const glm::dvec3& x) { return glm::dot(x, x); }
+
+    // A cluster that nothing belongs to keeps its mean.
+    void fitTo(const std::vector<glm::dvec3>& colours, const std::vector<size_t>& cluster) {
+        std::array<glm::dvec3, kClusters> sums{};
+        std::array<double, kClusters> counts{}, squares{};
+        for (size_t i = 0; i < colours.size(); ++i) {
+            sums[cluster[i]] += colours[i];
+            ++counts[cluster[i]];
+        }
+        for (size_t k = 0; k < kClusters; ++k)
+            if (counts[k] > 0) means_[k] = sums[k] / counts[k];
+        for (size_t i = 0; i < colours.size(); ++i)
+            squares[cluster[i]] += squared(colours[i] - means_[cluster[i]]);
+        for (size_t k = 0; k < kClusters; ++k) {
+            shares_[k] = counts[k] / double(colours.size());
+            variances_[k] =
+                std::max(kLeastVariance, counts[k] > 0 ? squares[k] / (3 * counts[k]) : 0);
+        }
+    }
+
+    std::array<glm::dvec3, kClusters> means_{};
+    std::array<double, kClusters> shares_{}, variances_{};
+};
+
+// Vertices that can hardly be anything else.
+std::vector<std::optional<Garment>> sureGarments(const BodyModel& body) {
+    const auto vertices = static_cast<size_t>(body.vertexCount);
+    auto share = [&](size_t v, std::initializer_list<joint::Number> joints) {
+        double sum = 0;
+        for (joint::Number j : joints) sum += double{body.weights[v * joint::kCount + j]};
+        return sum;
+    };
+    std::vector<std::optional<Garment>> sure(vertices);
+    std::vector<size_t> chest, scalp;
+    for (size_t v = 0; v < vertices; ++v) {
+        if (share(v, {joint::kSpine2, joint::kSpine3}) > .8) chest.push_back(v);
+        if (share(v, {joint::kLeftHip, joint::kRightHip, joint::kLeftKnee, joint::kRightKnee}) > .9)
+            sure[v] = Garment::Bottom;
+        if (share(v, {joint::kLeftFoot, joint::kRightFoot}) > .8) sure[v] = Garment::Shoes;
+        if (body.face[v] || share(v, {joint::kLeftHand, joint::kRightHand}) > .9)
+            sure[v] = Garment::Skin;
+        else if (share(v, {joint::kHead}) > .9)
+            scalp.push_back(v);
+    }
+    // The front half of the trunk, for hair may hang down the other.
+    std::ranges::sort(chest, std::greater{},
+                      [&](size_t v) { return body.templateVertices[3 * v + 2]; });
+    for (size_t i = 0; i < chest.size() / 2; ++i) sure[chest[i]] = Garment::Top;
+    // The upper two fifths of the head without its face.
+    std::ranges::sort(scalp, std::greater{},
+                      [&](size_t v) { return body.templateVertices[3 * v + 1]; });
+    for (size_t i = 0; i < scalp.size() * 2 / 5; ++i) sure[scalp[i]] = Garment::Hair;
+    return sure;
+}
+
+// A print has colours of hair, a fold those of trousers: an island of a garment that no sure vertex
+// has takes the garment that it borders on most. Of skin, which shows at knees and between clothes,
+// only small ones.
+void removeIslands(std::vector<std::optional<Garment>>& labels,
+                   const std::vector<std::optional<Garment>>& sure, const Adjacency& adjacency) {
+    constexpr size_t kSmall = 30;  // vertices
+    std::vector<char> visited(labels.size());
+    for (size_t start = 0; start < labels.size(); ++start) {
+        if (visited[start]) continue;
+        const Garment garment = *labels[start];
+        std::vector<size_t> island{start};
+        std::array<size_t, kGarmentCount> borders{};
+        bool isSure = false;
+        visited[start] = 1;
+        for (size_t i = 0; i < island.size(); ++i) {
+            const size_t v = island[i];
+            isSure = isSure || sure[v] == garment;
+            for (int32_t k = adjacency.begin[v]; k < adjacency.begin[v + 1]; ++k) {
+                const auto n = size_t(adjacency.neighbours[size_t(k)]);
+                if (labels[n] != garment)
+                    ++borders[number(*labels[n])];
+                else if (!visited[n]) {
+                    visited[n] = 1;
+                    island.push_back(n);
+                }
+            }
+        }
+        if (isSure || (garment == Garment::Skin && island.size() >= kSmall)) continue;
+        const auto most = std::ranges::max_element(borders);
+        if (*most == 0) continue;  // all of a mesh's part, as eyes may be
+        for (size_t v : island) labels[v] = static_cast<Garment>(most - borders.begin());
+    }
+}
+
+}  // namespace
+
+std::vector<std::array<double, 3>> vertexColours(const BodyModel& body,
+                                                 std::span<const float> texture, int size) {
+    CHECK(texture.size() == 3 * size_t(size) * size_t(size), "a texture is square");
+    const auto vertices = static_cast<size_t>(body.vertexCount);
+    std::vector<std::array<double, 3>> colours(vertices);
+    std::vector<double> counts(vertices);
+    auto texel = [&](float at) {
+        return std::min(size_t(std::max(0.0, double{at} * size)), size_t(size) - 1);
+    };
+    for (size_t corner = 0; corner < body.faces.size(); ++corner) {
+        const auto v = static_cast<size_t>(body.faces[corner]);
+        const float* uv = &body.uvs[2 * static_cast<size_t>(body.uvFaces[corner])];
+        const float* colour = &texture[3 * (texel(uv[1]) * size_t(size) + texel(uv[0]))];
+        for (size_t c = 0; c < 3; ++c) colours[v][c] += double{colour[c]};
+        ++counts[v];
+    }
+    for (size_t v = 0; v < vertices; ++v)
+        for (double& c : colours[v]) c /= std::max(counts[v], 1.0);
+    return colours;
+}
+
+std::vector<Garment> segmentGarments(const BodyModel& body, std::span<const float> texture,
+                                     int size) {
+    constexpr int kRounds = 4, kSweeps = 15;
+    constexpr double kAgree = 1.5;    // nats, of neighbours of one colour
+    constexpr double kRareCost = 18;  // nats, of a garment that hardly a vertex has
+    constexpr size_t kFewest = 20;    // vertices to learn colours from
+
+    const auto vertices = static_cast<size_t>(body.vertexCount);
+    const MeshTopology mesh = meshTopology(body.faces, body.vertexCount, body.file);
+    std::vector<glm::dvec3> colours;
+    for (const auto& colour : vertexColours(body, texture, size)) colours.push_back(lab(colour));
+
+    std::vector<Costs> places(vertices);
+    for (size_t v = 0; v < vertices; ++v)
+        for (size_t g = 0; g < kGarmentCount; ++g) {
+            for (const Place& place : kPlaces)
+                places[v][g] +=
+                    double{body.weights[v * joint::kCount + place.joint]} * place.costs[g];
+            if (body.face[v]) places[v][g] += kFace[g];
+        }
+
+    // As in GrabCut, agreement wears off over twice the mean squared difference.
+    const size_t edges = mesh.edges.size() / 2;
+    std::vector<double> agree(edges);
+    for (size_t e = 0; e < edges; ++e) {
+        const glm::dvec3 difference =
+            colours[size_t(mesh.edges[2 * e])] - colours[size_t(mesh.edges[2 * e + 1])];
+        agree[e] = glm::dot(difference, difference);
+    }
+    const double mean =
+        std::accumulate(agree.begin(), agree.end(), 0.) / double(std::max<size_t>(edges, 1));
+    for (double& a : agree) a = kAgree * (mean > 0 ? std::exp(-a / (2 * mean)) : 1);
+
+    const std::vector<std::optional<Garment>> sure = sureGarments(body);
+    std::vector<std::optional<Garment>> labels = sure;
+    for (int round = 0; round < kRounds; ++round) {
+        std::vector<Costs> costs = places;
+        for (size_t g = 0; g < kGarmentCount; ++g) {
+            std::vector<glm::dvec3> known;
+            for (size_t v = 0; v < vertices; ++v)
+                if (labels[v] && number(*labels[v]) == g) known.push_back(colours[v]);
+            std::optional<ColourMixture> mixture;
+            if (known.size() >= kFewest) mixture.emplace(std::move(known));
+            for (size_t v = 0; v < vertices; ++v)
+                costs[v][g] += mixture ? mixture->cost(colours[v]) : kRareCost;
+        }
+        // Mean field: each vertex's shares given those of its neighbours.
+        std::vector<Costs> shares(vertices), support(vertices);
+        for (int sweep = 0; sweep <= kSweeps; ++sweep) {
+            for (size_t v = 0; v < vertices; ++v) {
+                Costs& q = shares[v];
+                for (size_t g = 0; g < kGarmentCount; ++g) q[g] = support[v][g] - costs[v][g];
+                const double most = std::ranges::max(q);
+                double sum = 0;
+                for (double& x : q) sum += x = std::exp(x - most);
+                for (double& x : q) x /= sum;
+                support[v] = {};
+            }
+            for (size_t e = 0; e < edges; ++e) {
+                const auto a = size_t(mesh.edges[2 * e]), b = size_t(mesh.edges[2 * e + 1]);
+                for (size_t g = 0; g < kGarmentCount; ++g) {
+                    support[a][g] += agree[e] * shares[b][g];
+                    support[b][g] += agree[e] * shares[a][g];
+                }
+            }
+        }
+        for (size_t v = 0; v < vertices; ++v)
+            labels[v] =
+                static_cast<Garment>(std::ranges::max_element(shares[v]) - shares[v].begin());
+        removeIslands(labels, sure, mesh.adjacency);
+    }
+    std::vector<Garment> result;
+    for (const std::optional<Garment>& label : labels) result.push_back(*label);
+    return result;
+}
+
+}  // namespace doppel

@@ -1,0 +1,43 @@
+// One avatar of several: the face of one with the clothes of another. All share the body model and
+// its atlas, so that what is worn can be taken over vertex by vertex and texel by texel.
+#pragma once
+
+#include <array>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "trainer/avatar/avatar.h"
+#include "trainer/avatar/mix/garments.h"
+
+namespace doppel {
+
+// Who gives what. Those that are null are the base's.
+struct MixParts {
+    const Avatar* base = nullptr;
+    const Avatar* head = nullptr;  // the face and what is skin on head and neck, and its colour
+    const Avatar* hair = nullptr;  // null: the head's
+    const Avatar* top = nullptr;
+    const Avatar* bottom = nullptr;
+    const Avatar* shoes = nullptr;
+    const Avatar* shape = nullptr;  // betas, the body under clothes
+};
+
+struct Mix {
+    Avatar avatar;
+    // Parts of the vertices that each has given, in the order base, head, hair, top, bottom, shoes;
+    // and those that none of them has shown, which take after their neighbours.
+    std::array<double, 6> given{};
+    double unseen = 0;
+};
+
+// Hair lies over a top, a top over shoes and a bottom. Where two avatars' clothes do not cover
+// what was under the base's, skin is shown that one of them shows there, and else what is around.
+// Skin of all has the colour of the head's face (albedo, per channel). Over a seam offsets go over
+// into each other within some 3 cm, colours within a third of a triangle.
+//
+// The texture is fixed, of each avatar's baked one where it has one: networks paint one person, and
+// the avatar has none. InputError, naming the body's files, where they are not of one body model.
+Mix mixAvatars(const MixParts& parts);
+
+}  // namespace doppel
