@@ -1,0 +1,156 @@
+// Exports as Debian's Blender shows them, beside what `doppel render` draws.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+
+#include "engine/files/atomic_file.h"
+#include "engine/io/image.h"
+#include "tests/files.h"
+#include "tests/op_test.h"
+#include "trainer/avatar/avatar_renderer.h"
+#include "trainer/avatar/bake.h"
+#include "trainer/avatar/export.h"
+#include "trainer/motion/session.h"
+
+namespace doppel {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kSize = 384;
+constexpr double kFocal = 450;
+
+bool hasBlender() { return std::system("command -v blender > /dev/null") == 0; }
+
+// The default body in stripes that go on across the atlas's seams.
+Avatar stripedAvatar() {
+    Avatar avatar;
+    avatar.bodyArrays = readBodyArrays("default");
+    avatar.body = bodyFromNpz(avatar.bodyArrays);
+    avatar.preset = presetByName("ci");
+    avatar.textureSize = 512;
+    const std::vector<TexelPlace> places = texelPlaces(avatar.body, avatar.textureSize);
+    avatar.texture.assign(3 * places.size(), 0);
+    for (size_t t = 0; t < places.size(); ++t)
+        for (size_t c = 0; c < 3 && places[t].face >= 0; ++c) {
+            double at = 0;
+            for (size_t i = 0; i < 3; ++i) {
+                const auto v = size_t(avatar.body.faces[3 * size_t(places[t].face) + i]);
+                at +=
+                    double{places[t].corners[i]} * double{avatar.body.templateVertices[3 * v + c]};
+            }
+            avatar.texture[3 * t + c] = float(.5 + .4 * std::sin(20 * at));
+        }
+    spreadCharts(places, avatar.textureSize, avatar.texture);
+    return avatar;
+}
+
+// Somebody who stands before the camera, an arm lowered, and turns.
+Motion turning() {
+    Motion motion;
+    motion.fps = 30;
+    for (uint32_t f = 0; f < 12; ++f) {
+        Theta theta{};
+        std::ranges::copy(uprightOrientation(.3f + .1f * float(f)), theta.begin());
+        theta[3 * joint::kLeftShoulder + 2] = -.7f;
+        motion.theta.push_back(theta);
+        motion.trans.push_back({.1f + .01f * float(f), .1f, 3.3f});
+    }
+    return motion;
+}
+
+class InBlender : public ::testing::Test {
+protected:
+    void SetUp() override {
+        if (!hasBlender()) GTEST_SKIP() << "exports are looked at with blender, not installed here";
+        exportAvatar(testDevice(), avatar_, folder_ / "me.glb", &motion_);
+    }
+
+    // Blender's picture through the camera of the poses, frame by frame from zero; bones are turned
+    // about axes of camera space (x right, y down).
+    Image picture(size_t frame, const std::map<size_t, glm::dvec3>& turns) {
+        // An export's world is camera space turned by half a turn about x, the lowest vertex of the
+        // first frame on the ground and its pelvis above the origin.
+        const std::vector<float> verts =
+            AvatarRenderer(testDevice(), avatar_).vertices(motion_.theta[0], motion_.trans[0]);
+        double ground = -INFINITY;
+        for (size_t i = 1; i < verts.size(); i += 3) ground = std::max(ground, double{verts[i]});
+        const std::vector<double> rest = restJoints(avatar_.body, std::vector<double>(10));
+        nlohmann::json pose = nlohmann::json::object();
+        for (const auto& [joint, turn] : turns) pose[jointName(joint)] = {turn.x, -turn.y, -turn.z};
+        const Trans& t = motion_.trans[0];
+        const nlohmann::json asked{
+            {"glb", (folder_ / "me.glb").string()},
+            {"out", (folder_ / "picture.png").string()},
+            {"size", kSize},
+            {"fov", 2 * std::atan(kSize / 2. / kFocal) * 180 / std::acos(-1.)},
+            {"camera", {-(rest[0] + double{t[0]}), ground, rest[2] + double{t[2]}}},
+            {"fps", 30},
+            {"frame", frame},
+            {"pose", pose}};
+        AtomicFile file(folder_ / "scene.json");
+        file.write(asked.dump());
+        file.commit();
+        const std::string command = fmt::format(
+            "blender --background --factory-startup --python-exit-code 1 --python "
+            "'{}/tests/blender/picture.py' -- '{}' > '{}' 2>&1",
+            DOPPEL_SOURCE_DIR, (folder_ / "scene.json").string(), (folder_ / "log").string());
+        EXPECT_EQ(std::system(command.c_str()), 0) << test::bytesOf(folder_ / "log");
+        return readImage(folder_ / "picture.png", 4);
+    }
+
+    void expectTheSame(const Image& shown, const Theta& theta, const Trans& trans) {
+        const Camera camera{kFocal, kFocal, kSize / 2., kSize / 2., kSize, kSize};
+        const Drawing drawn = AvatarRenderer(testDevice(), avatar_).draw(theta, trans, camera, 4);
+        ASSERT_EQ(shown.width, kSize);
+        double both = 0, either = 0, squares = 0;
+        for (size_t i = 0; i < drawn.mask.size(); ++i) {
+            const uint8_t* pixel = &shown.data[4 * i];
+            const bool ours = drawn.mask[i] > 127, theirs = pixel[3] > 127;
+            both += ours && theirs;
+            if (!ours && !theirs) continue;
+            ++either;
+            for (size_t c = 0; c < 3; ++c) {
+                const double difference =
+                    double(pixel[c]) * pixel[3] / 255. / 255. - double{drawn.rgb[3 * i + c]};
+                squares += difference * difference;
+            }
+        }
+        EXPECT_GT(either, 5000);
+        EXPECT_GT(both / either, .97);
+        EXPECT_GT(-10 * std::log10(squares / (3 * either)), 32);
+    }
+
+    test::Folder folder_;
+    Avatar avatar_ = stripedAvatar();
+    Motion motion_ = turning();
+};
+
+TEST_F(InBlender, AnAnimationIsWhatRenderDraws) {
+    for (size_t frame : {size_t{0}, size_t{7}})
+        expectTheSame(picture(frame, {}), motion_.theta[frame], motion_.trans[frame]);
+}
+
+TEST_F(InBlender, JointsArePosed) {
+    constexpr size_t kFrame = 4;
+    const std::map<size_t, glm::dvec3> turns{{joint::kRightShoulder, {0, 0, -1.1}},
+                                             {joint::kLeftKnee, {.9, .2, 0}}};
+    Theta theta = motion_.theta[kFrame];
+    for (const auto& [joint, turn] : turns) {
+        // A turn of what hangs on the joint, about axes of the camera.
+        glm::dquat parents(1, 0, 0, 0);
+        for (int32_t j = avatar_.body.parents[joint]; j >= 0; j = avatar_.body.parents[size_t(j)])
+            parents = jointRotation(theta, size_t(j)) * parents;
+        const glm::dquat turned = glm::angleAxis(glm::length(turn), glm::normalize(turn));
+        setJointRotation(theta, joint,
+                         glm::inverse(parents) * turned * parents * jointRotation(theta, joint));
+    }
+    expectTheSame(picture(kFrame, turns), theta, motion_.trans[kFrame]);
+}
+
+}  // namespace
+}  // namespace doppel
