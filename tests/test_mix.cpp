@@ -159,7 +159,7 @@ TEST(Mix, OfOneIsThatOne) {
     const Mix mix = mixAvatars({.base = &ann, .top = &ann});
     EXPECT_EQ(mix.avatar.body.offsets, ann.body.offsets);
     EXPECT_EQ(mix.unseen, 0);
-    EXPECT_EQ(mix.given[0], 1);
+    EXPECT_NEAR(mix.given[0], 1, 1e-9);
     const std::vector<TexelPlace> places = texelPlaces(body(), kSize);
     for (size_t t = 0; t < places.size(); ++t)
         for (size_t c = 0; c < 3 && places[t].face >= 0; ++c)

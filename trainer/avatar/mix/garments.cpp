@@ -8,6 +8,7 @@
 
 #include "engine/error.h"
 #include "nn/body/mesh_topology.h"
+#include "trainer/avatar/mix/lab.h"
 
 namespace doppel {
 
@@ -49,25 +50,7 @@ constexpr std::array<Place, joint::kCount> kPlaces = {{
 }};
 constexpr Costs kFace = {0, 6, kNever, kNever, kNever};  // besides
 
-// Of L*a*b*, in which equal distances look about equally different.
-glm::dvec3 lab(const std::array<double, 3>& srgb) {
-    glm::dvec3 linear;
-    for (int c = 0; c < 3; ++c) {
-        const double x = std::clamp(srgb[size_t(c)], 0., 1.);
-        linear[c] = x <= .04045 ? x / 12.92 : std::pow((x + .055) / 1.055, 2.4);
-    }
-    // Rows of sRGB's primaries in XYZ, each divided by its white (D65).
-    const glm::dvec3 xyz(glm::dot(linear, glm::dvec3(.4124564, .3575761, .1804375)) / .950470,
-                         glm::dot(linear, glm::dvec3(.2126729, .7151522, .0721750)),
-                         glm::dot(linear, glm::dvec3(.0193339, .1191920, .9503041)) / 1.088830);
-    auto root = [](double t) {
-        return t > 216. / 24389 ? std::cbrt(t) : (24389. / 27 * t + 16) / 116;
-    };
-    const double x = root(xyz.x), y = root(xyz.y), z = root(xyz.z);
-    return {116 * y - 16, 500 * (x - y), 200 * (y - z)};
-}
-
-// Round Gaussians around the means of k-means clusters.
+// Round Gaussians of L*a*b* around the means of k-means clusters.
 class ColourMixture {
 public:
     explicit ColourMixture(std::vector<glm::dvec3> colours) {
@@ -223,7 +206,7 @@ std::vector<Garment> segmentGarments(const BodyModel& body, std::span<const floa
     const auto vertices = static_cast<size_t>(body.vertexCount);
     const MeshTopology mesh = meshTopology(body.faces, body.vertexCount, body.file);
     std::vector<glm::dvec3> colours;
-    for (const auto& colour : vertexColours(body, texture, size)) colours.push_back(lab(colour));
+    for (const auto& colour : vertexColours(body, texture, size)) colours.push_back(labOf(colour));
 
     std::vector<Costs> places(vertices);
     for (size_t v = 0; v < vertices; ++v)

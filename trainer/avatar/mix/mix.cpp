@@ -6,6 +6,7 @@
 #include "engine/error.h"
 #include "nn/body/mesh_topology.h"
 #include "trainer/avatar/bake.h"
+#include "trainer/avatar/mix/lab.h"
 
 namespace doppel {
 
@@ -13,15 +14,10 @@ namespace {
 
 using Colour = std::array<double, 3>;
 
-double linear(double srgb) {
-    const double x = std::clamp(srgb, 0., 1.);
-    return x <= .04045 ? x / 12.92 : std::pow((x + .055) / 1.055, 2.4);
-}
-
-double encoded(double light) {
-    const double x = std::clamp(light, 0., 1.);
-    return x <= .0031308 ? 12.92 * x : 1.055 * std::pow(x, 1 / 2.4) - .055;
-}
+// Colours of skin: their middle and how far they spread about it, in L*a*b*.
+struct Tone {
+    glm::dvec3 middle{0}, spread{0};
+};
 
 // One that gives something.
 struct Giver {
@@ -30,7 +26,10 @@ struct Giver {
     int size = 0;
     std::vector<Garment> garments;  // [V]
     std::vector<Colour> colours;    // [V] sRGB-encoded, skin as the head's
-    Colour skinGain{1, 1, 1};       // of light
+    // What skin is, and what it is to be: Reinhard, Ashikhmin, Gooch, Shirley, Color Transfer
+    // between Images, IEEE Computer Graphics and Applications 2001, of medians.
+    Tone from, to;
+    bool recoloured = false;
 
     bool wears(Garment garment, size_t v) const { return garments[v] == garment; }
 
@@ -55,28 +54,32 @@ struct Giver {
     }
 
     // skin: how much of the place is skin, 0 to 1.
-    Colour matched(Colour colour, double skin) const {
-        if (skin <= 0 || skinGain == Colour{1, 1, 1}) return colour;
-        for (size_t c = 0; c < 3; ++c)
-            colour[c] = encoded(linear(colour[c]) * (1 + skin * (skinGain[c] - 1)));
-        return colour;
+    Colour matched(const Colour& colour, double skin) const {
+        if (skin <= 0 || !recoloured) return colour;
+        const glm::dvec3 lab = labOf(colour);
+        return srgbOf(glm::mix(
+            lab, to.middle + (lab - from.middle) * glm::clamp(to.spread / from.spread, .5, 2.),
+            glm::dvec3(skin)));
     }
 };
 
-// Median light of the face, per channel.
-Colour faceSkin(const Giver& giver) {
-    Colour skin{};
-    for (size_t c = 0; c < 3; ++c) {
-        std::vector<double> values;
-        for (size_t v = 0; v < giver.garments.size(); ++v)
-            if (giver.avatar->body.face[v] && giver.wears(Garment::Skin, v))
-                values.push_back(linear(giver.colours[v][c]));
-        if (values.empty()) continue;
+// Of these vertices.
+Tone toneOf(const Giver& giver, const std::vector<size_t>& vertices) {
+    constexpr double kLeastSpread = 1;
+    auto median = [](std::vector<double>& values) {
         const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
         std::ranges::nth_element(values, middle);
-        skin[c] = *middle;
+        return *middle;
+    };
+    Tone tone;
+    for (int c = 0; c < 3; ++c) {
+        std::vector<double> values;
+        for (size_t v : vertices) values.push_back(labOf(giver.colours[v])[c]);
+        tone.middle[c] = median(values);
+        for (double& x : values) x = std::abs(x - tone.middle[c]);
+        tone.spread[c] = std::max(kLeastSpread, median(values));
     }
-    return skin;
+    return tone;
 }
 
 void requireOneBody(const Avatar& base, const Avatar& other) {
@@ -170,7 +173,7 @@ double sureOf(const Colour& texel, const Colour& own, const Colour& other) {
 Mix mixAvatars(const MixParts& parts) {
     constexpr int kOffsetPasses = 4;  // of means over neighbours, which lie a centimetre apart
     constexpr int kCoveredRings = 3;
-    constexpr double kLeastGain = .1, kMostGain = 10;  // of skin
+    constexpr size_t kFewestOfSkin = 20;  // vertices that tell its colour
     CHECK(parts.base, "there is a base");
 
     // Each avatar once, in the order of Mix::given.
@@ -202,21 +205,11 @@ Mix mixAvatars(const MixParts& parts) {
     const auto vertices = static_cast<size_t>(body.vertexCount);
     const MeshTopology mesh = meshTopology(body.faces, body.vertexCount, body.file);
 
-    const Colour skin = faceSkin(givers[head]);
-    for (size_t k = 0; k < givers.size(); ++k) {
-        Giver& giver = givers[k];
-        const Colour own = faceSkin(giver);
-        for (size_t c = 0; c < 3 && k != head; ++c)
-            if (own[c] > 0 && skin[c] > 0)
-                giver.skinGain[c] = std::clamp(skin[c] / own[c], kLeastGain, kMostGain);
-        for (size_t v = 0; v < vertices; ++v)
-            giver.colours[v] = giver.matched(giver.colours[v], giver.wears(Garment::Skin, v));
-    }
-
     std::vector<Worn> worn(vertices);
+    std::vector<char> onHead(vertices);
     for (size_t v = 0; v < vertices; ++v) {
         const float* weights = &body.weights[v * joint::kCount];
-        const bool onHead = body.face[v] || weights[joint::kHead] + weights[joint::kNeck] > .5f;
+        onHead[v] = body.face[v] || weights[joint::kHead] + weights[joint::kNeck] > .5f;
         auto take = [&](Garment garment, std::initializer_list<size_t> from) {
             for (size_t k : from)
                 if (worn[v].giver == kNobody && givers[k].wears(garment, v)) worn[v] = {garment, k};
@@ -225,7 +218,7 @@ Mix mixAvatars(const MixParts& parts) {
         take(Garment::Top, {top});
         take(Garment::Shoes, {shoes});
         take(Garment::Bottom, {bottom});
-        if (onHead)
+        if (onHead[v])
             take(Garment::Skin, {head, hair, base, top});
         else
             take(Garment::Skin, {base, top, bottom, shoes, head});
@@ -242,13 +235,43 @@ Mix mixAvatars(const MixParts& parts) {
         for (size_t v : rim) worn[v].giver = kNobody;
     }
 
+    // Skin becomes what the head's giver has in the same places, and where clothes hide that, what
+    // her face has.
+    for (size_t k = 0; k < givers.size(); ++k) {
+        std::vector<size_t> taken, shared, face;
+        for (size_t v = 0; v < vertices; ++v) {
+            if (worn[v].giver == k && worn[v].garment == Garment::Skin) {
+                taken.push_back(v);
+                if (givers[head].wears(Garment::Skin, v)) shared.push_back(v);
+            }
+            if (body.face[v] && givers[head].wears(Garment::Skin, v)) face.push_back(v);
+        }
+        if (k == head || taken.size() < kFewestOfSkin || face.size() < kFewestOfSkin) continue;
+        const bool shares = shared.size() >= kFewestOfSkin;
+        givers[k].from = toneOf(givers[k], shares ? shared : taken);
+        givers[k].to = toneOf(givers[head], shares ? shared : face);
+        givers[k].recoloured = true;
+    }
+    for (Giver& giver : givers)
+        for (size_t v = 0; v < vertices; ++v)
+            giver.colours[v] = giver.matched(giver.colours[v], giver.wears(Garment::Skin, v));
+
     Mix mix;
-    for (const Worn& w : worn)
-        if (w.giver == kNobody) mix.unseen += 1. / double(vertices);
-    const std::array<size_t, 6> roles{base, head, hair, top, bottom, shoes};
-    for (size_t role = 0; role < roles.size(); ++role)
-        mix.given[role] =
-            double(std::ranges::count(worn, roles[role], &Worn::giver)) / double(vertices);
+    const std::array<std::pair<Garment, size_t>, 6> roles{{{Garment::Skin, base},
+                                                           {Garment::Skin, head},
+                                                           {Garment::Hair, hair},
+                                                           {Garment::Top, top},
+                                                           {Garment::Bottom, bottom},
+                                                           {Garment::Shoes, shoes}}};
+    for (size_t v = 0; v < vertices; ++v) {
+        const double one = 1. / double(vertices);
+        const auto [garment, giver] = worn[v];
+        if (giver == kNobody) mix.unseen += one;
+        for (size_t role = 0; role < roles.size(); ++role)
+            if (giver == roles[role].second &&
+                (role == 0 || (garment == roles[role].first && (role != 1 || onHead[v]))))
+                mix.given[role] += one;
+    }
 
     // Shares of the givers, and of nobody, which go over into each other across seams.
     const size_t choices = givers.size() + 1;

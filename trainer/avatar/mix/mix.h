@@ -25,15 +25,15 @@ struct MixParts {
 
 struct Mix {
     Avatar avatar;
-    // Parts of the vertices that each has given, in the order base, head, hair, top, bottom, shoes;
-    // and those that none of them has shown, which take after their neighbours.
+    // Parts of the vertices: all that the base has given; then, whoever gave it, skin of the head,
+    // hair, top, bottom, shoes; and what none of them has shown, which takes after what is around.
     std::array<double, 6> given{};
     double unseen = 0;
 };
 
 // Hair lies over a top, a top over shoes and a bottom. Where two avatars' clothes do not cover
 // what was under the base's, skin is shown that one of them shows there, and else what is around.
-// Skin of all has the colour of the head's face (albedo, per channel). Over a seam offsets go over
+// Skin of all has the colours of the head giver's. Over a seam offsets go over
 // into each other within some 3 cm, colours within a third of a triangle.
 //
 // The texture is fixed, of each avatar's baked one where it has one: networks paint one person, and
