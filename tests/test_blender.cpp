@@ -10,6 +10,7 @@
 #include "engine/files/atomic_file.h"
 #include "engine/io/image.h"
 #include "tests/files.h"
+#include "tests/moving_person.h"
 #include "tests/op_test.h"
 #include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/bake.h"
@@ -70,6 +71,14 @@ protected:
         exportAvatar(testDevice(), avatar_, folder_ / "me.glb", &motion_);
     }
 
+    void run(const char* script, const std::string& words) {
+        const std::string command = fmt::format(
+            "blender --background --factory-startup --python-exit-code 1 --python "
+            "'{}/tests/blender/{}' -- {} > '{}' 2>&1",
+            DOPPEL_SOURCE_DIR, script, words, (folder_ / "log").string());
+        EXPECT_EQ(std::system(command.c_str()), 0) << test::bytesOf(folder_ / "log");
+    }
+
     // Blender's picture through the camera of the poses, frame by frame from zero; bones are turned
     // about axes of camera space (x right, y down).
     Image picture(size_t frame, const std::map<size_t, glm::dvec3>& turns) {
@@ -95,11 +104,7 @@ protected:
         AtomicFile file(folder_ / "scene.json");
         file.write(asked.dump());
         file.commit();
-        const std::string command = fmt::format(
-            "blender --background --factory-startup --python-exit-code 1 --python "
-            "'{}/tests/blender/picture.py' -- '{}' > '{}' 2>&1",
-            DOPPEL_SOURCE_DIR, (folder_ / "scene.json").string(), (folder_ / "log").string());
-        EXPECT_EQ(std::system(command.c_str()), 0) << test::bytesOf(folder_ / "log");
+        run("picture.py", fmt::format("'{}'", (folder_ / "scene.json").string()));
         return readImage(folder_ / "picture.png", 4);
     }
 
@@ -150,6 +155,13 @@ TEST_F(InBlender, JointsArePosed) {
                          glm::inverse(parents) * turned * parents * jointRotation(theta, joint));
     }
     expectTheSame(picture(kFrame, turns), theta, motion_.trans[kFrame]);
+}
+
+// Binary files, whose bones have axes of Blender's.
+TEST_F(InBlender, WritesFbxThatIsTheSameMotion) {
+    run("to_fbx.py",
+        fmt::format("'{}' '{}' 30", (folder_ / "me.glb").string(), (folder_ / "me.fbx").string()));
+    test::expectSame(readMotion(folder_ / "me.fbx"), readMotion(folder_ / "me.glb"), 1e-3);
 }
 
 }  // namespace

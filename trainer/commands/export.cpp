@@ -109,9 +109,10 @@ void declareFlags(CommandFlags& flags, ExportOptions& o) {
     flags.path("--web", o.web,
                "In the place of --out: a folder that shows the avatar in browsers, page.html by a "
                "double click, the rest from any web server; with play, orbit and joints");
-    flags.paths("--motion", o.motions,
-                "A capture, a poses.npz, BVH, glTF, AMASS or an estimator's poses, which becomes "
-                "an animation; of .glb and --web several times");
+    flags.paths(
+        "--motion", o.motions,
+        "A capture, a poses.npz, BVH, FBX, glTF, AMASS or an estimator's poses, which becomes "
+        "an animation; of .glb and --web several times");
     flags.frames(o.frames, "Frames of the motion");
     flags.retarget(o.retarget);
     flags

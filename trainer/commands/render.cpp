@@ -256,7 +256,8 @@ void declareFlags(CommandFlags& flags, RenderOptions& o) {
     flags.path("AVATAR", o.avatar, "Avatar's folder")->required();
     flags
         .path("--motion", o.motion,
-              "A capture, a poses.npz, BVH, glTF, AMASS or an estimator's poses (docs/formats.md)")
+              "A capture, a poses.npz, BVH, FBX, glTF, AMASS or an estimator's poses "
+              "(docs/formats.md)")
         ->required();
     flags
         .path("--out", o.out,

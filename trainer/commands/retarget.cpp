@@ -75,7 +75,8 @@ void runRetarget(const RetargetCommandOptions& options) {
 void declareFlags(CommandFlags& flags, RetargetCommandOptions& o) {
     flags
         .path("MOTION", o.motion,
-              "A capture, a poses.npz, BVH, glTF, AMASS or an estimator's poses (docs/formats.md)")
+              "A capture, a poses.npz, BVH, FBX, glTF, AMASS or an estimator's poses "
+              "(docs/formats.md)")
         ->required();
     flags.path("--avatar", o.avatar, "Avatar's folder, who is to move")->required();
     flags.path("--out", o.out, "FILE.npz: poses of the avatar's body, and contacts")->required();

@@ -20,7 +20,7 @@ void declareFlags(CommandFlags& flags, ViewOptions& o) {
     flags.precision();
     flags.path("AVATAR", o.viewer.avatar, "Avatar's folder")->required();
     flags.path("--motion", o.viewer.motion,
-               "A capture, a poses.npz, BVH, glTF, AMASS or an estimator's poses to play");
+               "A capture, a poses.npz, BVH, FBX, glTF, AMASS or an estimator's poses to play");
     flags.frames(o.viewer.frames, "Frames of the motion");
     flags.retarget(o.viewer.retarget);
     flags.path("--pose", o.viewer.pose, "A pose to begin with, JSON as the viewer copies it");

@@ -1,4 +1,4 @@
-// Animations of glTF files (*.glb, *.gltf), VRM avatars and VRM animations as motions.
+// Animations of glTF files (*.glb, *.gltf), VRM avatars, VRM animations and FBX files as motions.
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -6,6 +6,7 @@
 #include "engine/error.h"
 #include "engine/files/ending.h"
 #include "engine/files/printable.h"
+#include "engine/io/fbx_nodes.h"
 #include "engine/io/gltf_nodes.h"
 #include "trainer/data/pose.h"
 #include "trainer/motion/skeleton_motion.h"
@@ -137,8 +138,7 @@ double rateOf(const GltfNodes::Clip& clip) {
     return std::min(std::abs(rate - whole) < 5e-3 * rate ? whole : rate, 240.);
 }
 
-Motion readGltfMotion(const fs::path& path) {
-    const GltfNodes file = readGltfNodes(path);
+Motion motionOf(const GltfNodes& file, const fs::path& path) {
     const GltfNodes::Clip& clip = clipOf(file, path);
     SkeletonMotion source;
     source.file = path.string();
@@ -184,7 +184,18 @@ const MotionFormat kGltf{{
     .ending = ".glb",
     .recognises = [](const fs::path& path,
                      std::string_view begin) { return isGltf(begin) || endingOf(path) == ".gltf"; },
-    .read = readGltfMotion,
+    .read = [](const fs::path& path) { return motionOf(readGltfNodes(path), path); },
+}};
+
+bool isFbx(std::string_view begin) {
+    return begin.starts_with("Kaydara FBX Binary") || begin.starts_with("; FBX");
+}
+
+const MotionFormat kFbx{{
+    .looks = "an FBX animation (.fbx)",
+    .ending = ".fbx",
+    .recognises = [](const fs::path&, std::string_view begin) { return isFbx(begin); },
+    .read = [](const fs::path& path) { return motionOf(readFbxNodes(path), path); },
 }};
 
 }  // namespace
