@@ -73,8 +73,8 @@ TEST_F(ViewerTest, ThePanelOpensAndDoesNotOrbit) {
     const Pane& pane = viewer.panes().back();
     EXPECT_EQ(pane.width, kWidth - viewer.panelWidth());
     double yaw = viewer.camera().yaw;
-    const glm::dvec2 free(pane.width + 220, itemAt("View").y);
-    drag(free, free + glm::dvec2(90, 0));
+    const glm::dvec2 free = itemAt("Files") + glm::dvec2(40, 0);
+    drag(free, free + glm::dvec2(60, 0));
     EXPECT_EQ(viewer.camera().yaw, yaw);
     EXPECT_FALSE(viewer.settings().wireframe);
     clickItem("wireframe");

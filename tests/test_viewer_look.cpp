@@ -59,9 +59,14 @@ TEST_F(LookTest, NothingIsCutWhateverTheScale) {
         Viewer& viewer = openAt(c.width, c.height, c.scale, c.theme);
         viewer.editor().setKeyframe(0);
         EXPECT_EQ(viewer.timelineHeight(), std::lround(Viewer::kTimelineHeight * c.scale));
-        for (const char* tab : {"View", "Pose", "Shape", "Files"}) {
+        for (const char* tab : {"View", "Pose", "Shape", "Inspect", "Files"}) {
             clickItem(tab);
             if (std::string_view(tab) == "Pose") clickItem("left elbow");
+            if (std::string_view(tab) == "Inspect") {
+                const glm::dvec2 belly = at(joint::kSpine1);
+                drag(belly, belly);
+                EXPECT_TRUE(viewer.inspected());
+            }
             expectNothingCut(what + ", " + tab);
             keep(fmt::format("{}-{}-{}-{}", c.width, c.height, c.scale, tab), c.width, c.height);
         }

@@ -220,6 +220,7 @@ void Viewer::drawHelp() {
         {"Ctrl + S", "save what is seen, as a poses.npz"},
         {"B", "side by side: meshes, textures, off"},
         {"W  L  J", "wireframe, light, joints"},
+        {"I, then a click", "what is known of that point of the surface"},
         {"N, Tab", "panel"},
         {"Ctrl + plus, minus, 0", "larger, smaller letters, of scale 1"},
         {"F12", "save the picture"},

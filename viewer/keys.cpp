@@ -143,6 +143,9 @@ void Viewer::handleKeys() {
                                   : settings_.split == Split::Meshes ? Split::Textures
                                                                      : Split::None;
                 break;
+            case GLFW_KEY_I:
+                toggleInspector();
+                break;
             case GLFW_KEY_N:
             case GLFW_KEY_TAB:
                 settings_.panel = !settings_.panel;
@@ -162,6 +165,7 @@ void Viewer::handleKeys() {
                     cancelFilm();
                 } else {
                     selected_.reset();
+                    inspected_.reset();
                     settings_.help = false;
                 }
                 break;

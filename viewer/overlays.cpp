@@ -35,8 +35,11 @@ void Viewer::drawOverlays() {
             list.AddText(corner, IM_COL32(255, 255, 255, 235), name);
         }
     }
+    if (film_) return;
+    if (inspecting())
+        for (const Pane& pane : panes_) drawInspected(pane);
     // They stay while the panel is used: whoever turns a joint there looks for it here.
-    if (!settings_.joints || film_) return;
+    if (!handles()) return;
     PosedSkeleton body = posed();
     for (const Pane& pane : panes_) {
         list.PushClipRect(

@@ -48,7 +48,10 @@ void Viewer::drawPanel() {
     if (ImGui::BeginTabBar("tabs")) {
         const bool filming = film_ != nullptr;
         const auto drawTab = [&](const char* label, bool enabled, void (Viewer::*draw)()) {
-            if (!tab(label)) return;
+            const bool show = tabWanted_ == label;
+            if (show) tabWanted_.clear();
+            if (!tab(label, show)) return;
+            tab_ = label;
             ImGui::BeginDisabled(!enabled);
             (this->*draw)();
             ImGui::EndDisabled();
@@ -58,6 +61,7 @@ void Viewer::drawPanel() {
         drawTab("View", !filming, &Viewer::drawViewTab);
         drawTab("Pose", !filming, &Viewer::drawPoseTab);
         drawTab("Shape", !filming, &Viewer::drawShapeTab);
+        drawTab(kInspectTab, !filming, &Viewer::drawInspectTab);
         drawTab("Files", true, &Viewer::drawFilesTab);
         ImGui::EndTabBar();
     }

@@ -18,6 +18,8 @@
 #include "trainer/data/frame_cache.h"
 #include "trainer/motion/motion.h"
 #include "trainer/motion/retarget/retarget.h"
+#include "viewer/inspect/inspected.h"
+#include "viewer/inspect/sightings.h"
 #include "viewer/live_avatar.h"
 #include "viewer/picture/orbit_camera.h"
 #include "viewer/picture/painter.h"
@@ -108,6 +110,10 @@ public:
     // Of the shape that is set.
     const Skeleton& skeleton() const;
     std::optional<size_t> selected() const { return selected_; }
+    // The point of the surface that was clicked on last while the panel shows the inspector, and,
+    // once they are counted, the training frames that show it.
+    const std::optional<Inspected>& inspected() const { return inspected_; }
+    const std::optional<Sightings>& sightings() const { return sightings_; }
     // Nothing is being computed, and the picture shows what is set, as fine as it becomes.
     bool settled() const;
     // The latest message; empty: none so far.
@@ -182,6 +188,7 @@ private:
         std::weak_ptr<const Motion> motion;
         std::filesystem::path path;
         std::string frames;
+        std::vector<TrainedFrame> trained;  // its frames that the avatar was trained on
     };
     // Where something was saved, and when the file was written; empty: nowhere yet.
     struct SavedFile {
@@ -224,6 +231,7 @@ private:
     double lastKey() const;
     const Motion* motion() const { return editor_->motion().get(); }
     const OpenCapture* capture() const;
+    const OpenedMotion* openedMotion() const;
     void say(std::string text, bool wrong = false);
     void attempt(const std::function<void()>& action);
     bool interacting() const;
@@ -286,6 +294,8 @@ private:
     glm::dvec3 onScreen(const glm::dvec3& world, const Pane& pane) const;
     void leaveCaptureCamera();
     void dollyToMouse(double factor);
+    // Joints, rings and bones are drawn, and taken by the mouse.
+    bool handles() const { return settings_.joints && !inspecting(); }
     std::optional<size_t> jointAt(double x, double y) const;
     struct RingHit {
         int axis;
@@ -294,6 +304,17 @@ private:
     std::optional<RingHit> ringAt(double x, double y) const;
     std::vector<glm::dvec2> ring(int axis, const Pane& pane) const;
     void drawOverlays();
+
+    // inspect/inspector.cpp
+    static constexpr const char* kInspectTab = "Inspect";
+    // A click is for the surface then, and joints keep out of the way.
+    bool inspecting() const { return settings_.panel && tab_ == kInspectTab; }
+    void toggleInspector();
+    void inspectAt(double x, double y);
+    void followInspected();
+    void seeFrame(size_t frame);
+    void drawInspectTab();
+    void drawInspected(const Pane& pane) const;
 
     // panel.cpp
     void drawPanel();
@@ -365,6 +386,21 @@ private:
     bool dragMoved_ = false;  // further than a click does
     glm::dvec3 dragGoal_{};   // that was solved for last
     RingHit dragRing_{};
+
+    // The panel.
+    std::string tab_, tabWanted_;  // that is open; that shall be
+
+    // The inspector.
+    std::optional<Inspected> inspected_;
+    std::optional<Sightings> sightings_;
+    std::unique_ptr<SightingSearch> search_;
+    // What the sightings are of.
+    struct Searched {
+        SurfacePoint point;
+        std::weak_ptr<const Motion> motion;
+        std::weak_ptr<const LoadedAvatar> avatar;
+    };
+    Searched searched_;
 
     // Long jobs.
     std::unique_ptr<FilmJob> film_;

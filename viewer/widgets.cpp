@@ -71,8 +71,8 @@ void hint(const std::string& text) {
     ImGui::PopStyleColor();
 }
 
-bool tab(const char* label) {
-    const bool open = ImGui::BeginTabItem(label);
+bool tab(const char* label, bool show) {
+    const bool open = ImGui::BeginTabItem(label, nullptr, show ? ImGuiTabItemFlags_SetSelected : 0);
     noteItem(label);
     return open;
 }

@@ -21,7 +21,8 @@ bool checkbox(const char* label, bool& value);
 bool slider(const char* label, double& value, double low, double high, const char* format);
 void words(const std::string& text);  // wrapped
 void hint(const std::string& text);   // wrapped, dimmed
-bool tab(const char* label);          // with EndTabItem where it is true
+// With EndTabItem where it is true. show: it comes to the front.
+bool tab(const char* label, bool show = false);
 
 struct Choice {
     const char* name;
