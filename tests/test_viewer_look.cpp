@@ -61,6 +61,7 @@ TEST_F(LookTest, NothingIsCutWhateverTheScale) {
         EXPECT_EQ(viewer.timelineHeight(), std::lround(Viewer::kTimelineHeight * c.scale));
         for (const char* tab : {"View", "Pose", "Shape", "Inspect", "Files"}) {
             clickItem(tab);
+            if (std::string_view(tab) == "View") clickItem("keep this view");
             if (std::string_view(tab) == "Pose") clickItem("left elbow");
             if (std::string_view(tab) == "Inspect") {
                 const glm::dvec2 belly = at(joint::kSpine1);
@@ -135,8 +136,14 @@ TEST_F(LookTest, KeysMakeLettersLargerAndTheyAreRemembered) {
     EXPECT_EQ(preferences.recent.size(), 12u);
     EXPECT_EQ(preferences.recent[0], "/somewhere/4");
     EXPECT_EQ(std::ranges::count(preferences.recent, "/somewhere/3"), 1);
+    preferences.bookmarks[3] = {"from the left", cameraText({})};
     writePreferences(*folder_ / "state", preferences);
     EXPECT_EQ(readPreferences(*folder_ / "state"), preferences);
+    // A view that nothing can be seen from is none.
+    preferences.bookmarks[4] = {"nowhere", "1,2,3"};
+    preferences.bookmarks[5] = {std::string(kLongestBookmark + 1, 'x'), cameraText({})};
+    writePreferences(*folder_ / "state", preferences);
+    EXPECT_EQ(readPreferences(*folder_ / "state").bookmarks.size(), 1u);
 }
 
 TEST_F(LookTest, TheHelpFitsSmallWindows) {

@@ -208,6 +208,7 @@ void Viewer::drawHelp() {
         {"Home", "see all of it"},
         {"1  3  7  (Shift: opposite)", "front, side, top"},
         {"5", "orthographic"},
+        {"Ctrl + Shift + 1 to 9", "keep this view; with Ctrl alone: back to it"},
         {"0", "the capture's camera"},
         {"P", "pin the joint under the mouse, or let it go"},
         {"R, Shift + R", "reset the joint, the whole pose"},

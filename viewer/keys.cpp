@@ -26,6 +26,12 @@ void Viewer::handleKeys() {
         bool control = press.modifiers & (GLFW_MOD_CONTROL | GLFW_MOD_SUPER);
         bool shift = press.modifiers & GLFW_MOD_SHIFT;
         if (control) {
+            if (press.key >= GLFW_KEY_1 && press.key <= GLFW_KEY_9) {
+                const int digit = press.key - GLFW_KEY_0;
+                attempt([&] { shift ? keepView(digit) : seeBookmark(digit); });
+                lastTouched_ = Clock::now();
+                continue;
+            }
             switch (press.key) {
                 case GLFW_KEY_Z:
                     shift ? redo() : undo();

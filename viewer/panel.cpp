@@ -161,6 +161,7 @@ void Viewer::drawViewTab() {
     if (button("copy camera")) copyCamera();
     beside("paste camera");
     if (button("paste camera")) attempt([&] { pasteCamera(); });
+    drawBookmarks();
 
     ImGui::Separator();
     auto theme = number(settings_.theme);

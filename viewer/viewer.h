@@ -110,6 +110,7 @@ public:
     // Of the shape that is set.
     const Skeleton& skeleton() const;
     std::optional<size_t> selected() const { return selected_; }
+    const Preferences& preferences() const { return preferences_; }
     // The point of the surface that was clicked on last while the panel shows the inspector, and,
     // once they are counted, the training frames that show it.
     const std::optional<Inspected>& inspected() const { return inspected_; }
@@ -315,6 +316,11 @@ private:
     void seeFrame(size_t frame);
     void drawInspectTab();
     void drawInspected(const Pane& pane) const;
+
+    // bookmarks.cpp
+    void keepView(int digit);
+    void seeBookmark(int digit);
+    void drawBookmarks();
 
     // panel.cpp
     void drawPanel();
