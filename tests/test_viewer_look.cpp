@@ -61,7 +61,11 @@ TEST_F(LookTest, NothingIsCutWhateverTheScale) {
         EXPECT_EQ(viewer.timelineHeight(), std::lround(Viewer::kTimelineHeight * c.scale));
         for (const char* tab : {"View", "Pose", "Shape", "Inspect", "Files"}) {
             clickItem(tab);
-            if (std::string_view(tab) == "View") clickItem("keep this view");
+            if (std::string_view(tab) == "View") {
+                clickItem("keep this view");
+                viewer.settings().floor = true;
+                settle();
+            }
             if (std::string_view(tab) == "Pose") clickItem("left elbow");
             if (std::string_view(tab) == "Inspect") {
                 const glm::dvec2 belly = at(joint::kSpine1);

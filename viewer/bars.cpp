@@ -220,7 +220,7 @@ void Viewer::drawHelp() {
         {"K", "key here; edits over a motion are keys of themselves"},
         {"Ctrl + S", "save what is seen, as a poses.npz"},
         {"B", "side by side: meshes, textures, off"},
-        {"W  L  J", "wireframe, light, joints"},
+        {"W  L  J  G", "wireframe, light, joints, floor"},
         {"I, then a click", "what is known of that point of the surface"},
         {"N, Tab", "panel"},
         {"Ctrl + plus, minus, 0", "larger, smaller letters, of scale 1"},

@@ -141,6 +141,9 @@ void Viewer::handleKeys() {
             case GLFW_KEY_L:
                 settings_.lit = !settings_.lit;
                 break;
+            case GLFW_KEY_G:
+                settings_.floor = !settings_.floor;
+                break;
             case GLFW_KEY_J:
                 settings_.joints = !settings_.joints;
                 break;

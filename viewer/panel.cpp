@@ -117,6 +117,12 @@ void Viewer::drawViewTab() {
     checkbox("joints", settings_.joints);
     beside("figures");
     checkbox("figures", settings_.figures);
+    beside("floor");
+    checkbox("floor", settings_.floor);
+    if (settings_.floor) {
+        findFloor();
+        if (!floor_) hint("no floor: the feet of this motion stand nowhere");
+    }
 
     ImGui::Separator();
     checkbox("light", settings_.lit);

@@ -190,9 +190,9 @@ void Viewer::updatePictures() {
         for (size_t i = 0; i < panes_.size(); ++i) {
             const Pane& pane = panes_[i];
             useTexture(pane.texture);
-            pixels_[i] = scene_->refine(pane.mesh, cameraOf(pane), view(), shadeOptions(pane),
-                                        backgroundOf(pane), static_cast<int>(i), refinements_,
-                                        std::move(pixels_[i]));
+            pixels_[i] =
+                scene_->refine(pane.mesh, cameraOf(pane), view(), shadeOptions(pane), behind(pane),
+                               static_cast<int>(i), refinements_, std::move(pixels_[i]));
         }
         ++refinements_;
         framesToDraw_ = std::max(framesToDraw_, 1);
@@ -209,7 +209,7 @@ void Viewer::updatePictures() {
         const Pane& pane = panes_[i];
         useTexture(pane.texture);
         pixels_[i] = scene_->draw(pane.mesh, cameraOf(pane), view(), shadeOptions(pane),
-                                  backgroundOf(pane), 1, std::move(pixels_[i]));
+                                  behind(pane), 1, std::move(pixels_[i]));
     }
     times_.draw = millisecondsSince(before);
     shown_ = std::move(now);

@@ -73,6 +73,7 @@ void Viewer::useAvatar(std::shared_ptr<LoadedAvatar> avatar) {
                  {TextureKind::Baked, baked}};
     painted_.clear();
     skeletonBetas_.reset();
+    floorOf_.reset();
     ++textureVersion_;
     ++viewVersion_;
     if (inspected_) inspected_ = inspect(now, inspected_->point);

@@ -66,6 +66,7 @@ struct ViewSettings {
     Backdrop backdrop = Backdrop::Colour;
     std::array<float, 3> colour{0.20f, 0.22f, 0.25f};
     bool captureCamera = false;
+    bool floor = false;
     bool joints = true, limits = true, balance = true;
     bool panel = true, help = false;
     bool figures = true;  // of speed, in the corner
@@ -110,6 +111,8 @@ public:
     // Of the shape that is set.
     const Skeleton& skeleton() const;
     std::optional<size_t> selected() const { return selected_; }
+    // Of the highest point above the floor, metres; nothing where there is no floor.
+    std::optional<double> height(MeshKind mesh);
     const Preferences& preferences() const { return preferences_; }
     // The point of the surface that was clicked on last while the panel shows the inspector, and,
     // once they are counted, the training frames that show it.
@@ -305,6 +308,8 @@ private:
     std::optional<RingHit> ringAt(double x, double y) const;
     std::vector<glm::dvec2> ring(int axis, const Pane& pane) const;
     void drawOverlays();
+    // Words on something to read them from.
+    void drawLabel(const glm::vec2& at, const std::string& words) const;
 
     // inspect/inspector.cpp
     static constexpr const char* kInspectTab = "Inspect";
@@ -316,6 +321,12 @@ private:
     void seeFrame(size_t frame);
     void drawInspectTab();
     void drawInspected(const Pane& pane) const;
+
+    // floor.cpp
+    void findFloor();
+    std::optional<RigidMotion> worldToFloor();
+    std::span<const uint32_t> behind(const Pane& pane);
+    void drawHeight(const Pane& pane);
 
     // bookmarks.cpp
     void keepView(int digit);
@@ -371,6 +382,24 @@ private:
     uint64_t backdropVersion_ = 1;
     std::vector<uint32_t> background_;
     std::array<int64_t, 5> backgroundKey_{-1, -1, -1, -1, -1};
+    // The floor: from the poses' world, y up. Nothing where the motion's feet stand nowhere.
+    struct FloorOf {
+        Pose pose;
+        Betas betas{};
+        uint64_t opening = 0;
+        bool operator==(const FloorOf&) const = default;
+    };
+    std::optional<FloorOf> floorOf_;  // that is known
+    std::optional<RigidMotion> floor_;
+    struct FloorPicture {
+        Camera camera;
+        std::vector<float> verts;  // camera space
+        std::array<int64_t, 5> backgroundKey{};
+        glm::dmat3 rotation{0};
+        glm::dvec3 translation{0};
+        std::vector<uint32_t> pixels;
+    };
+    std::map<int, FloorPicture> floorPictures_;  // by the pane's x
     std::vector<OpenCapture> captures_;
     const Motion* motionSeen_ = nullptr;  // of the last turn; undo may bring another one
     std::vector<OpenedMotion> motions_;
