@@ -31,7 +31,8 @@ void Viewer::drawBookmarks() {
     for (auto& [digit, kept] : preferences_.bookmarks) {
         if (free == digit) ++free;
         ImGui::PushID(digit);
-        if (button(fmt::format("see {}", digit).c_str()))
+        if (button(fmt::format("see {}", digit).c_str(),
+                   ("Looks from there (Ctrl + digit): " + kept.camera).c_str()))
             attempt([&, d = digit] { seeBookmark(d); });
         ImGui::SameLine();
         std::array<char, kLongestBookmark + 1> name{};
@@ -42,16 +43,20 @@ void Viewer::drawBookmarks() {
         if (ImGui::InputText("##name", name.data(), name.size())) kept.name = name.data();
         if (ImGui::IsItemDeactivatedAfterEdit()) writePreferences(options_.state, preferences_);
         noteItem(fmt::format("name of {}", digit));
+        tip("What this view is called.");
         ImGui::PopItemWidth();
         ImGui::SameLine();
-        if (button("forget")) removed = digit;
+        if (button("forget", "Takes this view from the list.")) removed = digit;
         ImGui::PopID();
     }
     if (removed > 0) {
         preferences_.bookmarks.erase(removed);
         writePreferences(options_.state, preferences_);
     }
-    if (button("keep this view", free <= kMostBookmarks)) attempt([&] { keepView(free); });
+    if (button("keep this view",
+               "Keeps the camera under the next free digit (Ctrl + Shift + digit).",
+               free <= kMostBookmarks))
+        attempt([&] { keepView(free); });
 }
 
 }  // namespace doppel

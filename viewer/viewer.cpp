@@ -171,7 +171,7 @@ bool Viewer::frame() {
     keepSession(false);
     if (!drawable_) return true;
     if (window_.touched()) framesToDraw_ = 3;  // ImGui answers some events a frame later
-    if (rests && settled()) return true;
+    if (rests && settled() && !tipPending()) return true;
 
     forgetItems();
     window_.beginFrame();
@@ -186,6 +186,7 @@ bool Viewer::frame() {
     updateTextures();
     if (!film_) updatePictures();
     drawOverlays();
+    drawLegend();
     drawPanel();
     drawTimeline();
     drawStatus();

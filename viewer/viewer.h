@@ -328,6 +328,9 @@ private:
     std::span<const uint32_t> behind(const Pane& pane);
     void drawHeight(const Pane& pane);
 
+    // legend.cpp
+    void drawLegend();
+
     // bookmarks.cpp
     void keepView(int digit);
     void seeBookmark(int digit);

@@ -110,7 +110,9 @@ void Viewer::drawInspectTab() {
                                 : std::string()));
         ImGui::EndTable();
     }
-    if (sightings_ && sightings_->best && button("see that frame")) seeFrame(*sightings_->best);
+    if (sightings_ && sightings_->best &&
+        button("see that frame", "Goes there, through the capture's camera."))
+        seeFrame(*sightings_->best);
     hint(
         "Seen: the poses that training found have it in the picture, turned to the camera, with "
         "nothing of the body before it.");
