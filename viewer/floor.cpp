@@ -50,30 +50,18 @@ std::optional<RigidMotion> Viewer::worldToFloor() {
     return RigidMotion{turn, floor_->translation - turn * seen.translation};
 }
 
-// What is behind the avatar in this pane. The scene has the pose that is shown.
-std::span<const uint32_t> Viewer::behind(const Pane& pane) {
-    const std::span<const uint32_t> background = backgroundOf(pane);
-    if (!settings_.floor) return background;
-    const std::optional<RigidMotion> floor = worldToFloor();
-    if (!floor) return background;
+// The scene has the pose that is shown.
+void Viewer::drawFloor(const RigidMotion& floor, const Pane& pane, std::vector<uint32_t>& pixels) {
     const ViewTransform from = view();
     const Camera camera = cameraOf(pane);
-    FloorPicture& kept = floorPictures_[pane.x];
-    const auto verts = scene_->vertices(pane.mesh, from);
-    if (kept.camera == camera && kept.verts == verts && kept.backgroundKey == backgroundKey_ &&
-        kept.rotation == floor->rotation && kept.translation == floor->translation)
-        return kept.pixels;
-    kept = {camera, verts, backgroundKey_, floor->rotation, floor->translation, {}};
-    kept.pixels.assign(background.begin(), background.end());
     ToFloor toFloor;
-    toFloor.rotation = floor->rotation * glm::transpose(from.rotation);
-    toFloor.translation = floor->translation - toFloor.rotation * from.translation;
-    const glm::dvec3 pelvis =
-        floor->rotation * posed().position[joint::kPelvis] + floor->translation;
-    paintFloor(kept.pixels, camera, toFloor, {pelvis.x, pelvis.z},
+    toFloor.rotation = floor.rotation * glm::transpose(from.rotation);
+    toFloor.translation = floor.translation - toFloor.rotation * from.translation;
+    const glm::dvec3 pelvis = floor.rotation * posed().position[joint::kPelvis] + floor.translation;
+    paintFloor(pixels, camera, toFloor, {pelvis.x, pelvis.z},
                1.2 * window_.unit() * window_.scale(),
-               contactShadow(verts, avatar_->avatar.body.faces, asGround(toFloor), camera));
-    return kept.pixels;
+               contactShadow(scene_->vertices(pane.mesh, from), avatar_->avatar.body.faces,
+                             asGround(toFloor), camera));
 }
 
 std::optional<double> Viewer::height(MeshKind mesh) {

@@ -125,6 +125,13 @@ void Viewer::drawViewTab() {
         findFloor();
         if (!floor_) hint("no floor: the feet of this motion stand nowhere");
     }
+    if (frameCount() > 1) {
+        slider("ghosts", "How many frames before (orange) and after (blue) are seen as ghosts.",
+               settings_.ghosts, 0, 5, "%d to each side");
+        if (settings_.ghosts > 0)
+            slider("ghost spacing", "How far ghosts are from each other.", settings_.ghostSpacing,
+                   1, 30, "%d frames");
+    }
 
     ImGui::Separator();
     checkbox("light", "Lights the surface from one side (L).", settings_.lit);

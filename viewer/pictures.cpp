@@ -147,6 +147,22 @@ std::span<const uint32_t> Viewer::backgroundOf(const Pane& pane) {
     return background_;
 }
 
+// The background with the floor and ghosts. The scene has the pose that is shown.
+std::span<const uint32_t> Viewer::behind(const Pane& pane) {
+    const std::span<const uint32_t> background = backgroundOf(pane);
+    Behind now{editor_->pose(), editor_->betas(), pane, cameraOf(pane),
+               view(),          backgroundKey_,   {},   ghosts()};
+    if (settings_.floor) now.floor = worldToFloor();
+    if (!now.floor && now.ghosts.empty()) return background;
+    auto& [drawn, pixels] = behind_[pane.x];
+    if (drawn == now && pixels.size() == background.size()) return pixels;
+    pixels.assign(background.begin(), background.end());
+    if (now.floor) drawFloor(*now.floor, pane, pixels);
+    drawGhosts(now.ghosts, pane, pixels);
+    drawn = std::move(now);
+    return pixels;
+}
+
 ShadeOptions Viewer::shadeOptions(const Pane& pane) const {
     ShadeOptions shade;
     shade.paint = settings_.paint;

@@ -74,6 +74,7 @@ void Viewer::useAvatar(std::shared_ptr<LoadedAvatar> avatar) {
     painted_.clear();
     skeletonBetas_.reset();
     floorOf_.reset();
+    behind_.clear();
     ++textureVersion_;
     ++viewVersion_;
     if (inspected_) inspected_ = inspect(now, inspected_->point);

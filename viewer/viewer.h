@@ -67,6 +67,7 @@ struct ViewSettings {
     std::array<float, 3> colour{0.20f, 0.22f, 0.25f};
     bool captureCamera = false;
     bool floor = false;
+    int ghosts = 0, ghostSpacing = 5;  // to each side; frames
     bool joints = true, limits = true, balance = true;
     bool panel = true, help = false;
     bool figures = true;  // of speed, in the corner
@@ -199,6 +200,13 @@ private:
         std::filesystem::path path;
         std::filesystem::file_time_type time{};
     };
+    // The body in a frame near the one that is shown.
+    struct Ghost {
+        Pose pose;
+        std::array<double, 3> tint{};
+        double opacity = 0;
+        bool operator==(const Ghost&) const = default;
+    };
     struct Message {
         std::string text;
         bool wrong = false;
@@ -274,6 +282,7 @@ private:
     ViewTransform view() const;
     Camera cameraOf(const Pane& pane) const;
     std::span<const uint32_t> backgroundOf(const Pane& pane);
+    std::span<const uint32_t> behind(const Pane& pane);
     ShadeOptions shadeOptions(const Pane& pane) const;
     Shown wanted() const;
     void updatePictures();
@@ -325,8 +334,14 @@ private:
     // floor.cpp
     void findFloor();
     std::optional<RigidMotion> worldToFloor();
-    std::span<const uint32_t> behind(const Pane& pane);
+    void drawFloor(const RigidMotion& floor, const Pane& pane, std::vector<uint32_t>& pixels);
     void drawHeight(const Pane& pane);
+
+    // ghosts.cpp
+    // Those that are to be seen now, the furthest first.
+    std::vector<Ghost> ghosts() const;
+    void drawGhosts(const std::vector<Ghost>& ghosts, const Pane& pane,
+                    std::vector<uint32_t>& pixels);
 
     // legend.cpp
     void drawLegend();
@@ -394,15 +409,19 @@ private:
     };
     std::optional<FloorOf> floorOf_;  // that is known
     std::optional<RigidMotion> floor_;
-    struct FloorPicture {
+    // What is behind the avatar besides the background, and what that was drawn of.
+    struct Behind {
+        Pose pose;
+        Betas betas{};
+        Pane pane;
         Camera camera;
-        std::vector<float> verts;  // camera space
-        std::array<int64_t, 5> backgroundKey{};
-        glm::dmat3 rotation{0};
-        glm::dvec3 translation{0};
-        std::vector<uint32_t> pixels;
+        ViewTransform view;
+        std::array<int64_t, 5> background{};
+        std::optional<RigidMotion> floor;
+        std::vector<Ghost> ghosts;
+        bool operator==(const Behind&) const = default;
     };
-    std::map<int, FloorPicture> floorPictures_;  // by the pane's x
+    std::map<int, std::pair<Behind, std::vector<uint32_t>>> behind_;  // by the pane's x
     std::vector<OpenCapture> captures_;
     const Motion* motionSeen_ = nullptr;  // of the last turn; undo may bring another one
     std::vector<OpenedMotion> motions_;

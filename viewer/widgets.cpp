@@ -94,6 +94,14 @@ bool checkbox(const char* label, const std::string& does, bool& value) {
     return pressed;
 }
 
+bool slider(const char* label, const std::string& does, int& value, int low, int high,
+            const char* format) {
+    const bool moved = ImGui::SliderInt(label, &value, low, high, format);
+    noteItem(label);
+    tip(does);
+    return moved;
+}
+
 bool slider(const char* label, const std::string& does, double& value, double low, double high,
             const char* format) {
     const bool moved =

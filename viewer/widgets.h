@@ -21,6 +21,8 @@ void tip(const std::string& text);
 
 bool button(const char* label, const std::string& does, bool enabled = true);
 bool checkbox(const char* label, const std::string& does, bool& value);
+bool slider(const char* label, const std::string& does, int& value, int low, int high,
+            const char* format);
 bool slider(const char* label, const std::string& does, double& value, double low, double high,
             const char* format);
 void words(const std::string& text);  // wrapped
