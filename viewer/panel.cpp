@@ -269,11 +269,15 @@ void Viewer::drawShapeTab() {
     words(
         "Shape coefficients of the body, in standard deviations. The networks were "
         "trained on this person's own.");
+    if (!shapeNames_) shapeNames_ = shapeNames(avatar_->avatar.body);
     Betas betas = editor.betas();
     bool changed = false, ended = false;
     for (size_t k = 0; k < betas.size(); ++k) {
         double beta = double{betas[k]};
-        if (slider(fmt::format("beta {}", k).c_str(), "", beta, -4, 4, "%.2f")) {
+        hint((*shapeNames_)[k].name);
+        if (slider(fmt::format("beta {}", k).c_str(),
+                   "One more on the mean shape: " + (*shapeNames_)[k].effect + ".", beta, -4, 4,
+                   "%.2f")) {
             betas[k] = static_cast<float>(beta);
             changed = true;
         }

@@ -73,6 +73,7 @@ void Viewer::useAvatar(std::shared_ptr<LoadedAvatar> avatar) {
                  {TextureKind::Baked, baked}};
     painted_.clear();
     skeletonBetas_.reset();
+    shapeNames_.reset();
     floorOf_.reset();
     behind_.clear();
     ++textureVersion_;

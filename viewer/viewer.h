@@ -27,6 +27,7 @@
 #include "viewer/picture/scene.h"
 #include "viewer/pose/ik.h"
 #include "viewer/pose/pose_editor.h"
+#include "viewer/pose/shape_names.h"
 #include "viewer/preferences.h"
 #include "viewer/recovery.h"
 #include "viewer/window/window.h"
@@ -373,6 +374,7 @@ private:
     std::unique_ptr<Painter> painter_;
     std::unique_ptr<PoseEditor> editor_;
     mutable Skeleton skeleton_{};
+    std::optional<std::array<ShapeName, BodyModel::kShapes>> shapeNames_;
     mutable std::optional<Betas> skeletonBetas_;  // whose it is
     ViewSettings settings_;
     OrbitCamera orbit_;
