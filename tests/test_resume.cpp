@@ -270,6 +270,10 @@ TEST_F(Resume, KeepsThePosesThatItFound) {
     Motion motion = readMotion(capture());
     motion.name = "another name";
     EXPECT_TRUE(wasTrainedOn(whole(), motion));
+    const std::vector<TrainedFrame> known = trainedFrames(whole(), motion.subset(last));
+    ASSERT_EQ(known.size(), 1u);
+    EXPECT_EQ(known[0].frame, 0u);
+    EXPECT_EQ(known[0].theta, seen.theta.back());
     Motion others = motion;
     for (Theta& theta : others.theta) theta[5] += .1f;
     EXPECT_FALSE(wasTrainedOn(whole(), others));

@@ -65,6 +65,59 @@ TEST_F(ViewerTest, KeysLookFromTheSides) {
     expectScreen(picture(), "orthographic");
 }
 
+TEST_F(ViewerTest, ViewsAreKeptForTheNextStart) {
+    ViewerOptions options;
+    options.state = *folder_ / "kept-views";
+    options.width = 800, options.height = 740;
+    Viewer& viewer = open(options);
+    auto keep = [&](const std::string& digit) {
+        screen_->keyDown("Shift_L");
+        keyWith("Control_L", digit);
+        screen_->keyUp("Shift_L");
+        settle();
+    };
+    drag({40, 380}, {180, 330}, 2);
+    const std::string aside = cameraText(viewer.camera());
+    keep("2");
+    screen_->key("1");
+    screen_->key("5");
+    settle();
+    const std::string front = cameraText(viewer.camera());
+    ASSERT_NE(aside, front);
+    keep("9");
+    keyWith("Control_L", "2");
+    EXPECT_EQ(cameraText(viewer.camera()), aside);
+    keyWith("Control_L", "4");
+    EXPECT_NE(viewer.message().find("no view 4"), std::string::npos) << viewer.message();
+    EXPECT_EQ(cameraText(viewer.camera()), aside);
+
+    viewer_.reset();
+    Viewer& next = open(options);
+    keyWith("Control_L", "9");
+    EXPECT_EQ(cameraText(next.camera()), front);
+    screen_->key("n");
+    settle();
+    clickItem("see 2");
+    EXPECT_EQ(cameraText(next.camera()), aside);
+    clickItem("name of 2");
+    for (const char* key : {"End", "w", "n"}) {
+        screen_->key(key);
+        settle();
+    }
+    screen_->key("Return");
+    settle();
+    EXPECT_EQ(next.preferences().bookmarks.at(2).name, "view 2wn");
+    EXPECT_FALSE(next.settings().wireframe) << "it was typed";
+    clickItem("keep this view");
+    EXPECT_EQ(readPreferences(options.state).bookmarks.at(1).camera, aside) << "the first free one";
+    clickItem("forget");  // of the last
+    const Preferences left = readPreferences(options.state);
+    EXPECT_EQ(left, next.preferences());
+    EXPECT_EQ(left.bookmarks.size(), 2u);
+    EXPECT_EQ(left.bookmarks.at(2).name, "view 2wn");
+    EXPECT_EQ(left.bookmarks.at(2).camera, aside) << "as --camera takes it";
+}
+
 TEST_F(ViewerTest, ThePanelOpensAndDoesNotOrbit) {
     Viewer& viewer = open();
     screen_->key("n");
@@ -73,8 +126,8 @@ TEST_F(ViewerTest, ThePanelOpensAndDoesNotOrbit) {
     const Pane& pane = viewer.panes().back();
     EXPECT_EQ(pane.width, kWidth - viewer.panelWidth());
     double yaw = viewer.camera().yaw;
-    const glm::dvec2 free(pane.width + 220, itemAt("View").y);
-    drag(free, free + glm::dvec2(90, 0));
+    const glm::dvec2 free = itemAt("Files") + glm::dvec2(40, 0);
+    drag(free, free + glm::dvec2(60, 0));
     EXPECT_EQ(viewer.camera().yaw, yaw);
     EXPECT_FALSE(viewer.settings().wireframe);
     clickItem("wireframe");

@@ -2,6 +2,7 @@
 #include <algorithm>
 
 #include "tests/viewer_test.h"
+#include "viewer/picture/legend.h"
 
 namespace doppel::test {
 namespace {
@@ -59,14 +60,87 @@ TEST_F(LookTest, NothingIsCutWhateverTheScale) {
         Viewer& viewer = openAt(c.width, c.height, c.scale, c.theme);
         viewer.editor().setKeyframe(0);
         EXPECT_EQ(viewer.timelineHeight(), std::lround(Viewer::kTimelineHeight * c.scale));
-        for (const char* tab : {"View", "Pose", "Shape", "Files"}) {
+        for (const char* tab : {"View", "Pose", "Shape", "Inspect", "Files"}) {
             clickItem(tab);
+            if (std::string_view(tab) == "View") {
+                clickItem("keep this view");
+                viewer.settings().floor = true;
+                viewer.settings().paint = kPaintClamps;
+                settle();
+            }
             if (std::string_view(tab) == "Pose") clickItem("left elbow");
+            if (std::string_view(tab) == "Inspect") {
+                const glm::dvec2 belly = at(joint::kSpine1);
+                drag(belly, belly);
+                EXPECT_TRUE(viewer.inspected());
+            }
             expectNothingCut(what + ", " + tab);
             keep(fmt::format("{}-{}-{}-{}", c.width, c.height, c.scale, tab), c.width, c.height);
         }
         viewer_.reset();
     }
+}
+
+// A tip says what an item does, once the mouse has rested on it.
+TEST_F(LookTest, TipsComeWhereTheMouseRests) {
+    openAt(900, 700, 1);
+    const auto shows = [](std::string_view words) {
+        return std::ranges::any_of(
+            drawnItems(), [&](const DrawnItem& item) { return item.label.find(words) == 0; });
+    };
+    const auto begins = {std::pair{"wireframe", "The edges of the mesh's faces"},
+                         {"front", "From the front"},
+                         {"loop", "After the last frame"},
+                         {"surface", "What the surface is painted with"},
+                         {"remove key", "Takes the key of this frame away"}};  // not to be pressed
+    for (const auto& [label, words] : begins) {
+        const glm::dvec2 place = itemAt(label);
+        screen_->move(place.x, place.y);
+        turn(2);
+        EXPECT_FALSE(shows(words)) << label << ": at once";
+        await(words, [&, w = words] {
+            viewer_->frame();
+            return shows(w) && !tipPending();
+        });
+        expectNothingCut(label);
+        keep(fmt::format("tip-{}", label), 900, 700);
+        screen_->move(20, 20);
+        settle();
+        EXPECT_FALSE(shows(words)) << label << ": the mouse is elsewhere";
+    }
+}
+
+TEST_F(LookTest, LegendsSayWhatColoursMean) {
+    Viewer& viewer = openAt(900, 700, 1);
+    viewer.settings().joints = false;
+    const Avatar avatar = readAvatar(*folder_ / "avatar");
+    for (uint32_t paint = kPaintTexture; paint <= kPaintClamps; ++paint) {
+        viewer.settings().paint = paint;
+        settle();
+        const std::vector<LegendRow> rows = legendOf(paint, avatar);
+        EXPECT_EQ(rows.empty(), paint == kPaintTexture || paint == kPaintClay);
+        for (const LegendRow& row : rows) EXPECT_NO_THROW(itemAt(row.name));
+        expectNothingCut(fmt::format("legend {}", paint));
+        keep(fmt::format("legend-{}", paint), 900, 700);
+    }
+    // The picture's colours are the legend's, darker where the surface turns away from the eye.
+    const auto expectColour = [&](glm::dvec2 place, const LegendColour& colour,
+                                  const std::string& what) {
+        const Image seen = picture();
+        const uint8_t* rgb = seen.pixel(static_cast<int>(place.x), static_cast<int>(place.y));
+        const glm::dvec3 shown = glm::dvec3(rgb[0], rgb[1], rgb[2]) / 255.,
+                         meant(colour[0], colour[1], colour[2]);
+        const double light = glm::dot(shown, meant) / glm::dot(meant, meant);
+        EXPECT_GT(light, .4) << what;
+        EXPECT_LT(glm::distance(shown, light * meant), .03) << what;
+    };
+    const glm::dvec2 thigh = (at(joint::kLeftHip) + at(joint::kLeftKnee)) / 2.;
+    expectColour(at(joint::kSpine3), legendOf(kPaintClamps, avatar)[0].colours[2], "the largest");
+    expectColour(at(joint::kHead) - glm::dvec2(0, 10), legendOf(kPaintClamps, avatar)[0].colours[0],
+                 "the face");
+    viewer.settings().paint = kPaintParts;
+    settle();
+    expectColour(thigh, legendOf(kPaintParts, avatar)[kLeftThigh - 1].colours[0], "thigh");
 }
 
 // What is drawn at twice the scale is twice as large: the words, the rows, the handles.
@@ -130,8 +204,14 @@ TEST_F(LookTest, KeysMakeLettersLargerAndTheyAreRemembered) {
     EXPECT_EQ(preferences.recent.size(), 12u);
     EXPECT_EQ(preferences.recent[0], "/somewhere/4");
     EXPECT_EQ(std::ranges::count(preferences.recent, "/somewhere/3"), 1);
+    preferences.bookmarks[3] = {"from the left", cameraText({})};
     writePreferences(*folder_ / "state", preferences);
     EXPECT_EQ(readPreferences(*folder_ / "state"), preferences);
+    // A view that nothing can be seen from is none.
+    preferences.bookmarks[4] = {"nowhere", "1,2,3"};
+    preferences.bookmarks[5] = {std::string(kLongestBookmark + 1, 'x'), cameraText({})};
+    writePreferences(*folder_ / "state", preferences);
+    EXPECT_EQ(readPreferences(*folder_ / "state").bookmarks.size(), 1u);
 }
 
 TEST_F(LookTest, TheHelpFitsSmallWindows) {

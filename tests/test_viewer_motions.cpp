@@ -54,6 +54,59 @@ TEST_F(ViewerTest, PlaysMotions) {
     EXPECT_EQ(viewer.frameCount(), 9);  // the old one is still there
 }
 
+TEST_F(ViewerTest, GhostsShowTheFramesAround) {
+    Motion motion = turningMotion(9);
+    for (size_t f = 0; f < motion.size(); ++f) {  // to the right, without turning
+        std::ranges::copy(uprightOrientation(0), motion.theta[f].begin());
+        motion.trans[f][0] = .25f * (float(f) - 4);
+    }
+    ViewerOptions options;
+    options.motion = *folder_ / "walks";
+    writeColouredCapture(options.motion, motion);
+    Viewer& viewer = open(options);
+    for (int f = 0; f < 4; ++f) {
+        screen_->key("Right");
+        turn(2);
+    }
+    viewer.settings().joints = false;
+    viewer.camera().distance *= 1.6;
+    settle();
+    ASSERT_EQ(viewer.timeline(), 4);
+    const Image alone = picture();
+    viewer.settings().ghosts = 2;
+    viewer.settings().ghostSpacing = 2;
+    settle();
+    const Image ghosts = picture();
+    // Where the body is in those frames; the avatar itself is as it was.
+    const auto pixelAt = [&](const Image& image, double metres) {
+        glm::dvec3 chest = viewer.posed().position[joint::kSpine3];
+        chest.x += metres;
+        const Pane& pane = viewer.panes().back();
+        const glm::dvec3 place = projected(chest, viewer.camera().view(),
+                                           viewer.camera().camera(pane.width, pane.height));
+        const uint8_t* rgb = image.pixel(static_cast<int>(place.x), static_cast<int>(place.y));
+        return glm::ivec3(rgb[0], rgb[1], rgb[2]);
+    };
+    EXPECT_EQ(pixelAt(ghosts, 0), pixelAt(alone, 0));
+    const int plain = pixelAt(alone, -1).x;
+    for (double before : {-.5, -1.}) {
+        const glm::ivec3 seen = pixelAt(ghosts, before);
+        EXPECT_GT(seen.x, plain + 15) << before;
+        EXPECT_GT(seen.x, seen.z) << before;
+        EXPECT_GT(pixelAt(ghosts, -before).z, pixelAt(ghosts, -before).x) << "after";
+    }
+    EXPECT_GT(pixelAt(ghosts, -.5).x, pixelAt(ghosts, -1).x + 10) << "the further one is fainter";
+    // At the first frame there are none before.
+    for (int f = 0; f < 4; ++f) {
+        screen_->key("Left");
+        turn(2);
+    }
+    settle();
+    const Image first = picture();
+    EXPECT_GT(pixelAt(first, .5).z, pixelAt(first, .5).x);
+    EXPECT_LE(pixelAt(first, -.5).x, plain);
+}
+
 TEST_F(ViewerTest, LooksThroughTheCapturesCamera) {
     ViewerOptions options;
     options.motion = *folder_ / "capture";

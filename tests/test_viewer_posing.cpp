@@ -159,5 +159,42 @@ TEST_F(ViewerTest, TheMousesSpeedDoesNotMatter) {
     }
 }
 
+// Shape coefficients are called by what they do, as it is measured.
+TEST(ShapeNames, SayWhatACoefficientDoes) {
+    BodyModel body = bodyFromNpz(readBodyArrays("default"));
+    for (const ShapeName& own : shapeNames(body)) {
+        EXPECT_FALSE(own.name.empty());
+        EXPECT_NE(own.effect.find("height "), std::string::npos) << own.effect;
+    }
+    // Directions of which it is known.
+    std::ranges::fill(body.shapeDirections, 0.f);
+    const auto hip =
+        static_cast<float>(restJoints(body, std::vector<double>(10))[3 * joint::kLeftHip + 1]);
+    for (size_t v = 0; v < body.templateVertices.size() / 3; ++v)
+        for (size_t c = 0; c < 3; ++c) {
+            const float x = body.templateVertices[3 * v + c];
+            float* of = &body.shapeDirections[10 * (3 * v + c)];
+            of[0] = .04f * x;               // all of it larger
+            of[1] = -.03f * x;              // smaller
+            of[2] = c == 2 ? .05f * x : 0;  // deeper
+            of[3] = body.part[v] >= kLeftThigh && body.part[v] <= kRightFoot && c == 1
+                        ? .1f * (x - hip)  // legs that reach further down
+                        : 0;
+        }
+    const auto names = shapeNames(body);
+    EXPECT_EQ(names[0].name, "taller");
+    EXPECT_EQ(names[1].name, "shorter");
+    EXPECT_EQ(names[2].name, "heavier");
+    EXPECT_EQ(names[2].effect.find("height +0.0 cm"), 0u) << names[2].effect;
+    EXPECT_NE(names[3].name.find("longer legs"), std::string::npos) << names[3].name;
+    EXPECT_EQ(names[4].name, "fine form");
+    const ShapeMeasures mean = measured(body, std::vector<double>(10));
+    EXPECT_GT(mean.height, 1.5);
+    EXPECT_LT(mean.height, 1.9);
+    EXPECT_GT(mean.girth, .6);
+    EXPECT_LT(mean.girth, 1.2);
+    EXPECT_GT(mean.legs, mean.arms);
+}
+
 }  // namespace
 }  // namespace doppel::test

@@ -32,26 +32,30 @@ void Viewer::drawTimeline() {
     ImGui::BeginDisabled(film_ != nullptr);
     // What a narrow window has no room for: the speed first, then the fade, the clock last.
     const bool wide = size.x >= 760 * unit, wider = size.x >= 960 * unit;
-    if (button(playing_ ? "pause" : " play ")) play(!playing_);
+    if (button(playing_ ? "pause" : " play ", "Plays the timeline, or stops (space)."))
+        play(!playing_);
     ImGui::SameLine();
-    checkbox("loop", loop_);
+    checkbox("loop", "After the last frame it begins again.", loop_);
     ImGui::SameLine();
     if (wider) {
         ImGui::PushItemWidth(90 * unit);
-        slider("speed", speed_, 0.1, 4, "%.2f x");
+        slider("speed", "How fast it plays, times its own speed.", speed_, 0.1, 4, "%.2f x");
         ImGui::PopItemWidth();
         ImGui::SameLine();
     }
     const double now = std::floor(timeline_);
-    if (button("key here")) setKey();
+    if (button("key here", "Makes a key of the pose at this frame (K).")) setKey();
     ImGui::SameLine();
     const bool onKey = std::ranges::count(editor_->keyframes(), now, &Keyframe::time) > 0;
-    if (button("remove key", onKey)) editor_->removeKeyframe(now);
+    if (button("remove key", "Takes the key of this frame away.", onKey))
+        editor_->removeKeyframe(now);
     ImGui::SameLine();
     if (wide && motion() && hasKeys()) {
         double fade = editor_->fade();
         ImGui::PushItemWidth(90 * unit);
-        const bool changed = slider("fade", fade, 0, 60, "%.0f frames");
+        const bool changed =
+            slider("fade", "How long an edit over a motion comes and goes, to both sides.", fade, 0,
+                   60, "%.0f frames");
         if (ImGui::IsItemActivated()) editor_->beginGesture("fade");
         if (changed) editor_->setFade(std::round(fade));
         if (ImGui::IsItemDeactivated()) editor_->endGesture();
@@ -90,6 +94,7 @@ void Viewer::drawTimeline() {
         lastTouched_ = Clock::now();
     }
     noteItem("frame");
+    tip("The frame that is shown (left, right).");
     ImGui::PopItemWidth();
     // Above the slider's grab, which is as wide as a frame.
     constexpr float kPadding = 2;  // of Dear ImGui's sliders
@@ -179,7 +184,7 @@ void Viewer::drawQuestion() {
             ImGui::Spacing();
             for (size_t i = 0; i < question_->answers.size(); ++i) {
                 if (i > 0) ImGui::SameLine();
-                if (button(question_->answers[i].label.c_str()))
+                if (button(question_->answers[i].label.c_str(), ""))
                     chosen = question_->answers[i].label;
             }
         } else {
@@ -208,6 +213,7 @@ void Viewer::drawHelp() {
         {"Home", "see all of it"},
         {"1  3  7  (Shift: opposite)", "front, side, top"},
         {"5", "orthographic"},
+        {"Ctrl + Shift + 1 to 9", "keep this view; with Ctrl alone: back to it"},
         {"0", "the capture's camera"},
         {"P", "pin the joint under the mouse, or let it go"},
         {"R, Shift + R", "reset the joint, the whole pose"},
@@ -219,7 +225,8 @@ void Viewer::drawHelp() {
         {"K", "key here; edits over a motion are keys of themselves"},
         {"Ctrl + S", "save what is seen, as a poses.npz"},
         {"B", "side by side: meshes, textures, off"},
-        {"W  L  J", "wireframe, light, joints"},
+        {"W  L  J  G", "wireframe, light, joints, floor"},
+        {"I, then a click", "what is known of that point of the surface"},
         {"N, Tab", "panel"},
         {"Ctrl + plus, minus, 0", "larger, smaller letters, of scale 1"},
         {"F12", "save the picture"},

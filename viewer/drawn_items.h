@@ -20,4 +20,7 @@ struct DrawnItem {
 const std::vector<DrawnItem>& drawnItems();
 void forgetItems();
 
+// Whether the mouse rests on an item whose tip is still to come.
+bool tipPending();
+
 }  // namespace doppel

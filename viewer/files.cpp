@@ -9,6 +9,7 @@
 #include "engine/files/atomic_file.h"
 #include "engine/files/ending.h"
 #include "trainer/avatar/rendering.h"
+#include "trainer/avatar/training_poses.h"
 #include "trainer/data/frame_selection.h"
 #include "trainer/data/output_folder.h"
 #include "viewer/pose/pose_text.h"
@@ -53,12 +54,19 @@ bool isTaken(const fs::path& path) {
 // The motion, or the take, of a file as it is played in the window.
 Take Viewer::readForPlaying(const fs::path& path, const std::string& frames) {
     std::optional<Take> take = frames.empty() ? readTake(path) : std::nullopt;
+    std::vector<TrainedFrame> trained;
     if (!take) {
         Motion read = readMotion(path);
         const RetargetTarget target = targetOf(avatar_->avatar, options_.avatar, read);
+        const std::vector<TrainedFrame> known = trainedFrames(options_.avatar, read);
         Retargeted retargeted = retargetTo(target, std::move(read), options_.retarget);
         if (!retargeted.summary.empty()) say(path.filename().string() + ": " + retargeted.summary);
         std::vector<size_t> chosen = selectFrames(frames, retargeted.motion.size());
+        for (size_t i = 0; i < chosen.size(); ++i) {
+            const auto at = std::ranges::lower_bound(known, chosen[i], {}, &TrainedFrame::frame);
+            if (at != known.end() && at->frame == chosen[i])
+                trained.push_back({i, at->theta, at->trans});
+        }
         Motion motion = retargeted.motion.subset(chosen);
         std::optional<Capture> pictures;
         if (motion.cameras.empty()) {
@@ -79,7 +87,7 @@ Take Viewer::readForPlaying(const fs::path& path, const std::string& frames) {
         }
     }
     std::erase_if(motions_, [](const OpenedMotion& open) { return open.motion.expired(); });
-    if (take->motion) motions_.push_back({take->motion, path, frames});
+    if (take->motion) motions_.push_back({take->motion, path, frames, std::move(trained)});
     return std::move(*take);
 }
 

@@ -36,7 +36,7 @@ glm::dvec3 Viewer::onScreen(const glm::dvec3& world, const Pane& pane) const {
 // The nearest joint under the cursor, seen or hidden; of two in one place the nearer to the eye.
 std::optional<size_t> Viewer::jointAt(double x, double y) const {
     const Pane* pane = paneAt(x, y);
-    if (!pane || !settings_.joints) return std::nullopt;
+    if (!pane || !handles()) return std::nullopt;
     PosedSkeleton body = posed();
     std::optional<size_t> best;
     double least = INFINITY;
@@ -72,7 +72,7 @@ std::vector<glm::dvec2> Viewer::ring(int axis, const Pane& pane) const {
 
 std::optional<Viewer::RingHit> Viewer::ringAt(double x, double y) const {
     const Pane* pane = paneAt(x, y);
-    if (!pane || !selected_ || !settings_.joints) return std::nullopt;
+    if (!pane || !selected_ || !handles()) return std::nullopt;
     std::optional<RingHit> hit;
     const double ringRadius = kRingRadius * window_.unit();
     double least = kRingPick * window_.unit();
@@ -165,7 +165,8 @@ void Viewer::handleMouse() {
             drag_ = middle && io.KeyCtrl                         ? Drag::Dolly
                     : right || ((left || middle) && io.KeyShift) ? Drag::Pan
                                                                  : Drag::Orbit;
-            if (settings_.captureCamera) leaveCaptureCamera();
+            // A click that inspects looks through it.
+            if (settings_.captureCamera && !(left && inspecting())) leaveCaptureCamera();
         }
         if (io.MouseWheel != 0 || io.MouseWheelH != 0) {
             if (settings_.captureCamera) leaveCaptureCamera();
@@ -182,6 +183,8 @@ void Viewer::handleMouse() {
     }
     if (moved != glm::dvec2(0)) lastTouched_ = Clock::now();
     dragMoved_ |= glm::distance(mouse_, dragStart_) > kClick * window_.unit();
+    const bool turns = drag_ == Drag::Orbit || drag_ == Drag::Pan || drag_ == Drag::Dolly;
+    if (turns && dragMoved_ && settings_.captureCamera) leaveCaptureCamera();
     double scale = window_.scale();
     switch (drag_) {
         case Drag::Orbit:
@@ -203,7 +206,11 @@ void Viewer::handleMouse() {
             break;
     }
     if (!io.MouseDown[0] && !io.MouseDown[1] && !io.MouseDown[2]) {
-        if (drag_ == Drag::Orbit && !dragMoved_) selected_.reset();  // a click into the empty
+        // A click into the empty.
+        if (drag_ == Drag::Orbit && !dragMoved_) {
+            selected_.reset();
+            if (inspecting()) inspectAt(mouse_.x, mouse_.y);
+        }
         endDrag();
         lastTouched_ = Clock::now();
         framesToDraw_ = 3;

@@ -122,7 +122,7 @@ void Viewer::advanceFilm() {
         }
         film.asked = false;
         useTexture(film.pane.texture);
-        std::span<const uint32_t> background = backgroundOf(film.pane);
+        std::span<const uint32_t> background = behind(film.pane);
         ShadeOptions shade = shadeOptions(film.pane);
         shade.blueFirst = false;
         std::vector<uint32_t> pixels =

@@ -26,6 +26,12 @@ void Viewer::handleKeys() {
         bool control = press.modifiers & (GLFW_MOD_CONTROL | GLFW_MOD_SUPER);
         bool shift = press.modifiers & GLFW_MOD_SHIFT;
         if (control) {
+            if (press.key >= GLFW_KEY_1 && press.key <= GLFW_KEY_9) {
+                const int digit = press.key - GLFW_KEY_0;
+                attempt([&] { shift ? keepView(digit) : seeBookmark(digit); });
+                lastTouched_ = Clock::now();
+                continue;
+            }
             switch (press.key) {
                 case GLFW_KEY_Z:
                     shift ? redo() : undo();
@@ -135,6 +141,9 @@ void Viewer::handleKeys() {
             case GLFW_KEY_L:
                 settings_.lit = !settings_.lit;
                 break;
+            case GLFW_KEY_G:
+                settings_.floor = !settings_.floor;
+                break;
             case GLFW_KEY_J:
                 settings_.joints = !settings_.joints;
                 break;
@@ -142,6 +151,9 @@ void Viewer::handleKeys() {
                 settings_.split = settings_.split == Split::None     ? Split::Meshes
                                   : settings_.split == Split::Meshes ? Split::Textures
                                                                      : Split::None;
+                break;
+            case GLFW_KEY_I:
+                toggleInspector();
                 break;
             case GLFW_KEY_N:
             case GLFW_KEY_TAB:
@@ -162,6 +174,7 @@ void Viewer::handleKeys() {
                     cancelFilm();
                 } else {
                     selected_.reset();
+                    inspected_.reset();
                     settings_.help = false;
                 }
                 break;

@@ -15,6 +15,16 @@ ImVec2 toImGui(const glm::dvec2& p) { return {static_cast<float>(p.x), static_ca
 
 }  // namespace
 
+void Viewer::drawLabel(const glm::vec2& at, const std::string& words) const {
+    ImDrawList& list = *ImGui::GetBackgroundDrawList();
+    const auto unit = static_cast<float>(window_.unit());
+    const ImVec2 size = ImGui::CalcTextSize(words.c_str());
+    list.AddRectFilled({at.x - 5 * unit, at.y - 2 * unit},
+                       {at.x + size.x + 5 * unit, at.y + size.y + 2 * unit},
+                       IM_COL32(18, 19, 22, 190), 4 * unit);
+    list.AddText({at.x, at.y}, IM_COL32(255, 255, 255, 235), words.c_str());
+}
+
 void Viewer::drawOverlays() {
     ImDrawList& list = *ImGui::GetBackgroundDrawList();
     double scale = window_.scale();
@@ -26,17 +36,16 @@ void Viewer::drawOverlays() {
         bool meshes = settings_.split == Split::Meshes;
         const char* left = meshes ? "body" : "coarse texture";
         const char* right = meshes ? "refined mesh" : "refined texture";
-        for (const auto& [at, name] : {std::pair{0.f, left}, {x, right}}) {
-            const ImVec2 corner{at + 12 * unit, bottom - 54 * unit},
-                size = ImGui::CalcTextSize(name);
-            list.AddRectFilled({corner.x - 5 * unit, corner.y - 2 * unit},
-                               {corner.x + size.x + 5 * unit, corner.y + size.y + 2 * unit},
-                               IM_COL32(18, 19, 22, 190), 4 * unit);
-            list.AddText(corner, IM_COL32(255, 255, 255, 235), name);
-        }
+        for (const auto& [at, name] : {std::pair{0.f, left}, {x, right}})
+            drawLabel({at + 12 * unit, bottom - 54 * unit}, name);
     }
+    if (film_) return;
+    if (settings_.floor)
+        for (const Pane& pane : panes_) drawHeight(pane);
+    if (inspecting())
+        for (const Pane& pane : panes_) drawInspected(pane);
     // They stay while the panel is used: whoever turns a joint there looks for it here.
-    if (!settings_.joints || film_) return;
+    if (!handles()) return;
     PosedSkeleton body = posed();
     for (const Pane& pane : panes_) {
         list.PushClipRect(
@@ -93,13 +102,9 @@ void Viewer::drawOverlays() {
     if (hovered_ && drag_ == Drag::None) {
         std::string name = jointName(*hovered_);
         std::ranges::replace(name, '_', ' ');
-        const ImVec2 size = ImGui::CalcTextSize(name.c_str());
-        const ImVec2 at{static_cast<float>(mouse_.x) + 14 * unit,
-                        static_cast<float>(mouse_.y) - 22 * unit};
-        list.AddRectFilled({at.x - 5 * unit, at.y - 2 * unit},
-                           {at.x + size.x + 5 * unit, at.y + size.y + 2 * unit},
-                           IM_COL32(18, 19, 22, 205), 4 * unit);
-        list.AddText(at, IM_COL32(255, 255, 255, 255), name.c_str());
+        drawLabel(
+            {static_cast<float>(mouse_.x) + 14 * unit, static_cast<float>(mouse_.y) - 22 * unit},
+            name);
     }
 }
 

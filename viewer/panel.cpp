@@ -48,7 +48,10 @@ void Viewer::drawPanel() {
     if (ImGui::BeginTabBar("tabs")) {
         const bool filming = film_ != nullptr;
         const auto drawTab = [&](const char* label, bool enabled, void (Viewer::*draw)()) {
-            if (!tab(label)) return;
+            const bool show = tabWanted_ == label;
+            if (show) tabWanted_.clear();
+            if (!tab(label, show)) return;
+            tab_ = label;
             ImGui::BeginDisabled(!enabled);
             (this->*draw)();
             ImGui::EndDisabled();
@@ -58,6 +61,7 @@ void Viewer::drawPanel() {
         drawTab("View", !filming, &Viewer::drawViewTab);
         drawTab("Pose", !filming, &Viewer::drawPoseTab);
         drawTab("Shape", !filming, &Viewer::drawShapeTab);
+        drawTab(kInspectTab, !filming, &Viewer::drawInspectTab);
         drawTab("Files", true, &Viewer::drawFilesTab);
         ImGui::EndTabBar();
     }
@@ -72,7 +76,8 @@ void Viewer::drawViewTab() {
         constexpr Choice kMeshes[] = {
             {"body", static_cast<int>(MeshKind::Body)},
             {"refined by the network", static_cast<int>(MeshKind::Refined)}};
-        choose("mesh", kMeshes, mesh);
+        choose("mesh", "The body as skinning leaves it, or as the mesh network refines it.",
+               kMeshes, mesh);
         settings_.mesh = static_cast<MeshKind>(mesh);
     } else {
         hint("mesh: body (stage mesh is not trained)");
@@ -83,7 +88,7 @@ void Viewer::drawViewTab() {
         {"normals", kPaintNormals},    {"visibility map", kPaintVisibility},
         {"UV checker", kPaintChecker}, {"part labels", kPaintParts},
         {"clamp bounds", kPaintClamps}};
-    choose("surface", kPaints, paint);
+    choose("surface", "What the surface is painted with.", kPaints, paint);
     settings_.paint = static_cast<uint32_t>(paint);
     auto texture = number(settings_.texture);
     constexpr int kCoarse = static_cast<int>(TextureKind::Coarse),
@@ -94,32 +99,49 @@ void Viewer::drawViewTab() {
                                : "texture: none yet");
     } else if (avatar.bakedTexture.empty()) {
         constexpr Choice kTextures[] = {{"coarse", kCoarse}, {"refined for the view", kRefined}};
-        choose("texture", kTextures, texture);
+        choose("texture", "Which of the avatar's textures is shown.", kTextures, texture);
     } else {
         constexpr Choice kTextures[] = {
             {"coarse", kCoarse}, {"refined for the view", kRefined}, {"refined, baked", kBaked}};
-        choose("texture", kTextures, texture);
+        choose("texture", "Which of the avatar's textures is shown.", kTextures, texture);
     }
     settings_.texture = static_cast<TextureKind>(texture);
     auto split = number(settings_.split);
     constexpr Choice kSplits[] = {{"off", static_cast<int>(Split::None)},
                                   {"body | refined mesh", static_cast<int>(Split::Meshes)},
                                   {"coarse | refined", static_cast<int>(Split::Textures)}};
-    choose("side by side", kSplits, split);
+    choose("side by side", "Compares two meshes or two textures (B).", kSplits, split);
     settings_.split = static_cast<Split>(split);
-    checkbox("wireframe", settings_.wireframe);
+    checkbox("wireframe", "The edges of the mesh's faces (W).", settings_.wireframe);
     beside("atlas in the corner");
-    checkbox("atlas in the corner", settings_.atlas);
-    checkbox("joints", settings_.joints);
+    checkbox("atlas in the corner", "The texture itself, as it lies in UV space.", settings_.atlas);
+    checkbox("joints", "The skeleton, whose joints can be dragged (J).", settings_.joints);
     beside("figures");
-    checkbox("figures", settings_.figures);
+    checkbox("figures", "How long pictures take, in the corner.", settings_.figures);
+    beside("floor");
+    checkbox("floor", "A grid where the feet stand, the contact shadow and a scale (G).",
+             settings_.floor);
+    if (settings_.floor) {
+        findFloor();
+        if (!floor_) hint("no floor: the feet of this motion stand nowhere");
+    }
+    if (frameCount() > 1) {
+        slider("ghosts", "How many frames before (orange) and after (blue) are seen as ghosts.",
+               settings_.ghosts, 0, 5, "%d to each side");
+        if (settings_.ghosts > 0)
+            slider("ghost spacing", "How far ghosts are from each other.", settings_.ghostSpacing,
+                   1, 30, "%d frames");
+    }
 
     ImGui::Separator();
-    checkbox("light", settings_.lit);
+    checkbox("light", "Lights the surface from one side (L).", settings_.lit);
     if (settings_.lit) {
-        slider("from the side", settings_.lightYaw, -std::numbers::pi, std::numbers::pi, "%.2f");
-        slider("from above", settings_.lightPitch, -1.57, 1.57, "%.2f");
-        slider("ambient", settings_.ambient, 0, 1, "%.2f");
+        slider("from the side", "Where the light stands, radians around the body.",
+               settings_.lightYaw, -std::numbers::pi, std::numbers::pi, "%.2f");
+        slider("from above", "How high the light stands, radians.", settings_.lightPitch, -1.57,
+               1.57, "%.2f");
+        slider("ambient", "Light from everywhere, the rest comes from the side.", settings_.ambient,
+               0, 1, "%.2f");
     } else {
         hint("flat, as trained");
     }
@@ -129,63 +151,72 @@ void Viewer::drawViewTab() {
     constexpr Choice kBackdrops[] = {{"colour", static_cast<int>(Backdrop::Colour)},
                                      {"picture (drop one)", static_cast<int>(Backdrop::Picture)},
                                      {"capture's frames", static_cast<int>(Backdrop::Capture)}};
-    choose("background", kBackdrops, backdrop);
+    choose("background", "What is behind the avatar.", kBackdrops, backdrop);
     settings_.backdrop = static_cast<Backdrop>(backdrop);
     if (settings_.backdrop == Backdrop::Colour) {
         ImGui::ColorEdit3("colour", settings_.colour.data(), ImGuiColorEditFlags_NoInputs);
         noteItem("colour");
+        tip("The background's colour.");
     }
     if (settings_.backdrop == Backdrop::Capture && (!capture() || !settings_.captureCamera))
         hint(capture() ? "seen with the capture's camera only" : "no capture is loaded");
 
     ImGui::Separator();
-    if (button("frame all")) frameAll();
+    if (button("frame all", "Sees all of the body (Home).")) frameAll();
     beside("front");
-    if (button("front")) lookFrom(0, 0);
+    if (button("front", "From the front (1).")) lookFrom(0, 0);
     beside("side");
-    if (button("side")) lookFrom(std::numbers::pi / 2, 0);
+    if (button("side", "From its left (3).")) lookFrom(std::numbers::pi / 2, 0);
     beside("top");
-    if (button("top")) lookFrom(orbit_.yaw, 1.55);
-    checkbox("orthographic", orbit_.orthographic);
+    if (button("top", "From above (7).")) lookFrom(orbit_.yaw, 1.55);
+    checkbox("orthographic", "Without perspective (5).", orbit_.orthographic);
     if (motion() && !motion()->cameras.empty()) {
         beside("capture's camera");
-        checkbox("capture's camera", settings_.captureCamera);
+        checkbox("capture's camera", "As the camera saw each frame (0).", settings_.captureCamera);
     }
     double degrees = orbit_.fieldOfView * kDegrees;
-    if (!settings_.captureCamera && slider("field of view", degrees, 5, 100, "%.0f deg"))
+    if (!settings_.captureCamera &&
+        slider("field of view", "How much of the height the camera sees, degrees.", degrees, 5, 100,
+               "%.0f deg"))
         orbit_.fieldOfView = degrees / kDegrees;
-    if (button("copy camera")) copyCamera();
+    if (button("copy camera", "As --camera takes it (Ctrl + Shift + C).")) copyCamera();
     beside("paste camera");
-    if (button("paste camera")) attempt([&] { pasteCamera(); });
+    if (button("paste camera", "A camera that was copied (Ctrl + Shift + V)."))
+        attempt([&] { pasteCamera(); });
+    drawBookmarks();
 
     ImGui::Separator();
     auto theme = number(settings_.theme);
     constexpr Choice kThemes[] = {{"dark", static_cast<int>(Theme::Dark)},
                                   {"light", static_cast<int>(Theme::Light)}};
-    if (choose("theme", kThemes, theme)) setLook(static_cast<Theme>(theme), uiScale_);
-    if (button("smaller")) setLook(settings_.theme, uiScale_ / 1.1);
+    if (choose("theme", "The interface's colours.", kThemes, theme))
+        setLook(static_cast<Theme>(theme), uiScale_);
+    if (button("smaller", "Smaller letters (Ctrl + minus)."))
+        setLook(settings_.theme, uiScale_ / 1.1);
     beside("larger");
-    if (button("larger")) setLook(settings_.theme, uiScale_ * 1.1);
+    if (button("larger", "Larger letters (Ctrl + plus).")) setLook(settings_.theme, uiScale_ * 1.1);
 }
 
 void Viewer::drawPoseTab() {
     PoseEditor& editor = *editor_;
-    if (button("undo", editor.canUndo())) undo();
+    if (button("undo", "Takes the last edit back (Ctrl + Z).", editor.canUndo())) undo();
     beside("redo");
-    if (button("redo", editor.canRedo())) redo();
+    if (button("redo", "Makes it again (Ctrl + Shift + Z).", editor.canRedo())) redo();
     beside("mirror");
-    if (button("mirror")) editor.mirror();
+    if (button("mirror", "Exchanges left and right (M).")) editor.mirror();
     beside("reset all");
-    if (button("reset all")) editor.resetPose();
-    if (button("copy")) {
+    if (button("reset all", "The pose as it was (Shift + R).")) editor.resetPose();
+    if (button("copy", "The pose as JSON (Ctrl + C).")) {
         window_.setClipboard(editor.copy());
         say("pose copied");
     }
     beside("paste");
-    if (button("paste")) attempt([&] { editor.paste(window_.clipboard()); });
-    checkbox("joint limits", settings_.limits);
+    if (button("paste", "A pose that was copied (Ctrl + V)."))
+        attempt([&] { editor.paste(window_.clipboard()); });
+    checkbox("joint limits", "Keeps joints within human ranges.", settings_.limits);
     beside("balance over pins");
-    checkbox("balance over pins", settings_.balance);
+    checkbox("balance over pins", "Keeps the body over its pinned feet while it is dragged.",
+             settings_.balance);
 
     ImGui::Separator();
     hint("degrees about the joint's own axes");
@@ -197,13 +228,16 @@ void Viewer::drawPoseTab() {
         if (ImGui::Selectable(name.c_str(), open))
             selected_ = open ? std::nullopt : std::optional<size_t>(j);
         noteRow(shown(jointName(j)));
+        tip("Selects the joint and shows its angles.");
         if (open) {
             Pose pose = editor.pose();
             glm::dvec3 degrees = pose.rotation[j] * kDegrees;
             bool changed = false, ended = false;
             const char* labels[] = {"x", "y", "z"};
             for (int axis = 0; axis < 3; ++axis) {
-                changed |= slider(labels[axis], degrees[axis], -180, 180, "%.1f");
+                changed |= slider(labels[axis],
+                                  "How far the joint is turned, degrees. Ctrl + click types.",
+                                  degrees[axis], -180, 180, "%.1f");
                 if (beginsGesture(editor, jointName(j))) play(false);
                 ended |= ImGui::IsItemDeactivated();
             }
@@ -213,11 +247,11 @@ void Viewer::drawPoseTab() {
                 editor.setPose(settings_.limits ? clampToLimits(edited, pose) : edited);
             }
             if (ended) editor.endGesture();
-            if (button("reset")) editor.resetJoint(j);
+            if (button("reset", "This joint as it was (R).")) editor.resetJoint(j);
             if (j != joint::kPelvis) {
                 beside("pinned");
                 bool pinned = pins_.contains(j);
-                if (checkbox("pinned", pinned)) {
+                if (checkbox("pinned", "Stays where it is while others are dragged (P).", pinned)) {
                     if (pinned)
                         pins_.insert(j);
                     else
@@ -235,11 +269,15 @@ void Viewer::drawShapeTab() {
     words(
         "Shape coefficients of the body, in standard deviations. The networks were "
         "trained on this person's own.");
+    if (!shapeNames_) shapeNames_ = shapeNames(avatar_->avatar.body);
     Betas betas = editor.betas();
     bool changed = false, ended = false;
     for (size_t k = 0; k < betas.size(); ++k) {
         double beta = double{betas[k]};
-        if (slider(fmt::format("beta {}", k).c_str(), beta, -4, 4, "%.2f")) {
+        hint((*shapeNames_)[k].name);
+        if (slider(fmt::format("beta {}", k).c_str(),
+                   "One more on the mean shape: " + (*shapeNames_)[k].effect + ".", beta, -4, 4,
+                   "%.2f")) {
             betas[k] = static_cast<float>(beta);
             changed = true;
         }
@@ -248,7 +286,8 @@ void Viewer::drawShapeTab() {
     }
     if (changed) editor.setBetas(betas);
     if (ended) editor.endGesture();
-    if (button("this person's own")) editor.resetBetas();
+    if (button("this person's own", "The shape that the avatar was made with."))
+        editor.resetBetas();
 }
 
 void Viewer::drawFilesTab() {
@@ -264,23 +303,26 @@ void Viewer::drawFilesTab() {
                    return k.key == GLFW_KEY_ENTER || k.key == GLFW_KEY_KP_ENTER;
                });
     noteItem("path");
+    tip("A file or folder; Enter opens it.");
     ImGui::PopItemWidth();
     const bool named = pathText_[0] != 0;
-    if ((button("open", named) || entered) && named)
+    if ((button("open", "A motion, a pose or a picture of this name.", named) || entered) && named)
         attempt([&] { openFile(std::filesystem::path(pathText_.data())); });
     beside("save poses as");
-    if (button("save poses as", named))
+    if (button("save poses as", "Saves what is edited under this name.", named))
         attempt([&] { saveAs(std::filesystem::path(pathText_.data())); });
     if (motion()) {
         words(fmt::format("motion: {}, {} frames at {:.4g} fps", motion()->name, motion()->size(),
                           motion()->fps));
-        if (button("close motion"))
+        if (button("close motion", "Leaves the pose that is shown."))
             attempt([&] {
                 afterSaving("Closing the motion puts away what you edited, which is not saved.",
                             [this] { closeMotion(); });
             });
     }
-    if (!preferences_.recent.empty() && ImGui::CollapsingHeader("opened before")) {
+    const bool before = !preferences_.recent.empty() && ImGui::CollapsingHeader("opened before");
+    if (!preferences_.recent.empty()) tip("The files that were opened last.");
+    if (before) {
         std::string chosen;
         for (size_t i = 0; i < preferences_.recent.size(); ++i) {
             ImGui::PushID(number(i));
@@ -288,8 +330,8 @@ void Viewer::drawFilesTab() {
             std::string name = path.filename().string();
             if (name.empty()) name = path.parent_path().filename().string();
             if (ImGui::Selectable(name.c_str())) chosen = preferences_.recent[i];
-            if (ImGui::IsItemHovered()) ImGui::SetTooltip("%s", preferences_.recent[i].c_str());
             noteRow(name);
+            tip(preferences_.recent[i]);
             ImGui::PopID();
         }
         if (!chosen.empty()) attempt([&] { openFile(chosen); });
@@ -301,18 +343,22 @@ void Viewer::drawFilesTab() {
         "Written into the folder that the viewer was started in; nothing that is there is "
         "overwritten.");
     const bool free = !working();
-    if (button("film, .mp4", free)) attempt([&] { startFilm(freeName("doppel", ".mp4"), 0); });
+    if (button("film, .mp4", "All frames of the timeline as a film.", free))
+        attempt([&] { startFilm(freeName("doppel", ".mp4"), 0); });
     beside("pictures, PNG");
-    if (button("pictures, PNG", free))
+    if (button("pictures, PNG", "All frames of the timeline as pictures.", free))
         attempt([&] { startFilm(freeName("doppel-frames", ""), 0); });
-    if (button("glTF, .glb", free)) attempt([&] { startExport(freeName("doppel", ".glb")); });
+    if (button("glTF, .glb", "Avatar and motion for other programs.", free))
+        attempt([&] { startExport(freeName("doppel", ".glb")); });
     beside("poses, .npz");
-    if (button("poses, .npz", free)) attempt([&] { save(); });
+    if (button("poses, .npz", "The motion with what was edited (Ctrl + S).", free))
+        attempt([&] { save(); });
     beside("picture");
-    if (button("picture", free)) attempt([&] { saveScreenshot(freeName("doppel", ".png")); });
+    if (button("picture", "What is seen now (F12).", free))
+        attempt([&] { saveScreenshot(freeName("doppel", ".png")); });
     if (film_) {
         ImGui::ProgressBar(filmProgress(), {-1, 0});
-        if (button("give up")) cancelFilm();
+        if (button("give up", "Ends the film; nothing of it is left.")) cancelFilm();
     }
     if (export_) hint("writing glTF ...");
     if (const SavedFile file = savedFile(); !file.path.empty())
@@ -321,6 +367,7 @@ void Viewer::drawFilesTab() {
     ImGui::Separator();
     const bool history = ImGui::CollapsingHeader("messages");
     noteItem("messages");
+    tip("What was said so far, the latest first.");
     if (history)
         for (auto message = messages_.rbegin(); message != messages_.rend(); ++message)
             message->wrong ? words(message->text) : hint(message->text);

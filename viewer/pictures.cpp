@@ -147,6 +147,22 @@ std::span<const uint32_t> Viewer::backgroundOf(const Pane& pane) {
     return background_;
 }
 
+// The background with the floor and ghosts. The scene has the pose that is shown.
+std::span<const uint32_t> Viewer::behind(const Pane& pane) {
+    const std::span<const uint32_t> background = backgroundOf(pane);
+    Behind now{editor_->pose(), editor_->betas(), pane, cameraOf(pane),
+               view(),          backgroundKey_,   {},   ghosts()};
+    if (settings_.floor) now.floor = worldToFloor();
+    if (!now.floor && now.ghosts.empty()) return background;
+    auto& [drawn, pixels] = behind_[pane.x];
+    if (drawn == now && pixels.size() == background.size()) return pixels;
+    pixels.assign(background.begin(), background.end());
+    if (now.floor) drawFloor(*now.floor, pane, pixels);
+    drawGhosts(now.ghosts, pane, pixels);
+    drawn = std::move(now);
+    return pixels;
+}
+
 ShadeOptions Viewer::shadeOptions(const Pane& pane) const {
     ShadeOptions shade;
     shade.paint = settings_.paint;
@@ -190,9 +206,9 @@ void Viewer::updatePictures() {
         for (size_t i = 0; i < panes_.size(); ++i) {
             const Pane& pane = panes_[i];
             useTexture(pane.texture);
-            pixels_[i] = scene_->refine(pane.mesh, cameraOf(pane), view(), shadeOptions(pane),
-                                        backgroundOf(pane), static_cast<int>(i), refinements_,
-                                        std::move(pixels_[i]));
+            pixels_[i] =
+                scene_->refine(pane.mesh, cameraOf(pane), view(), shadeOptions(pane), behind(pane),
+                               static_cast<int>(i), refinements_, std::move(pixels_[i]));
         }
         ++refinements_;
         framesToDraw_ = std::max(framesToDraw_, 1);
@@ -209,7 +225,7 @@ void Viewer::updatePictures() {
         const Pane& pane = panes_[i];
         useTexture(pane.texture);
         pixels_[i] = scene_->draw(pane.mesh, cameraOf(pane), view(), shadeOptions(pane),
-                                  backgroundOf(pane), 1, std::move(pixels_[i]));
+                                  behind(pane), 1, std::move(pixels_[i]));
     }
     times_.draw = millisecondsSince(before);
     shown_ = std::move(now);

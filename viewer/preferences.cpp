@@ -2,8 +2,10 @@
 
 #include <algorithm>
 
+#include "engine/error.h"
 #include "engine/files/atomic_file.h"
 #include "trainer/data/output_folder.h"
+#include "viewer/picture/orbit_camera.h"
 #include "viewer/pose/json_text.h"
 
 namespace doppel {
@@ -14,6 +16,15 @@ namespace {
 
 constexpr size_t kMostRecent = 12, kLongestPath = 4096;
 constexpr uint64_t kLargestFile = uint64_t{1} << 20;
+
+bool isCameraText(const std::string& text) {
+    try {
+        readCameraText(text);
+        return true;
+    } catch (const InputError&) {
+        return false;
+    }
+}
 
 fs::path fileIn(const fs::path& state) { return state / "preferences.json"; }
 
@@ -34,6 +45,13 @@ Preferences readPreferences(const fs::path& state) {
             if (path.is_string() && path.get_ref<const std::string&>().size() <= kLongestPath &&
                 found.recent.size() < kMostRecent)
                 found.recent.push_back(path.get<std::string>());
+        for (int digit = 1; digit <= kMostBookmarks; ++digit) {
+            const json kept = document.value("bookmarks", json::object())
+                                  .value(fmt::format("{}", digit), json::object());
+            const Bookmark bookmark{kept.value("name", ""), kept.value("camera", "")};
+            if (bookmark.name.size() <= kLongestBookmark && isCameraText(bookmark.camera))
+                found.bookmarks[digit] = bookmark;
+        }
     } catch (const std::exception&) {
         return {};
     }
@@ -42,9 +60,13 @@ Preferences readPreferences(const fs::path& state) {
 
 void writePreferences(const fs::path& state, const Preferences& preferences) {
     if (state.empty()) return;
+    json bookmarks = json::object();
+    for (const auto& [digit, kept] : preferences.bookmarks)
+        bookmarks[fmt::format("{}", digit)] = {{"name", kept.name}, {"camera", kept.camera}};
     const json document = {{"theme", preferences.theme == Theme::Light ? "light" : "dark"},
                            {"scale", preferences.scale},
-                           {"recent", preferences.recent}};
+                           {"recent", preferences.recent},
+                           {"bookmarks", bookmarks}};
     try {
         createFolders(state);
         AtomicFile file(fileIn(state));

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -9,10 +10,20 @@
 
 namespace doppel {
 
+// A view to come back to.
+struct Bookmark {
+    std::string name;
+    std::string camera;  // as cameraText()
+    bool operator==(const Bookmark&) const = default;
+};
+constexpr int kMostBookmarks = 9;
+constexpr size_t kLongestBookmark = 60;  // bytes of its name
+
 struct Preferences {
     std::vector<std::string> recent;  // files that were opened, the latest first
     Theme theme = Theme::Dark;
-    double scale = 1;  // of the interface
+    double scale = 1;                   // of the interface
+    std::map<int, Bookmark> bookmarks;  // by the digit that brings them back, 1 to 9
     bool operator==(const Preferences&) const = default;
 };
 

@@ -73,8 +73,12 @@ void Viewer::useAvatar(std::shared_ptr<LoadedAvatar> avatar) {
                  {TextureKind::Baked, baked}};
     painted_.clear();
     skeletonBetas_.reset();
+    shapeNames_.reset();
+    floorOf_.reset();
+    behind_.clear();
     ++textureVersion_;
     ++viewVersion_;
+    if (inspected_) inspected_ = inspect(now, inspected_->point);
     std::string name = fs::absolute(source_.folder()).lexically_normal().filename().string();
     window_.setTitle(fmt::format(
         "{}{} - Doppel", name, avatar_->training ? " (in training: " + avatar_->stage + ")" : ""));
@@ -139,7 +143,8 @@ bool Viewer::interacting() const {
 bool Viewer::settled() const {
     bool pictured =
         panes_.empty() || (shown_ && *shown_ == wanted() && refinements_ == kRefinements);
-    return pictured && !interacting() && !painter_->busy() && framesToDraw_ == 0 && !working();
+    return pictured && !interacting() && !painter_->busy() && !search_ && framesToDraw_ == 0 &&
+           !working();
 }
 
 bool Viewer::frame() {
@@ -155,7 +160,9 @@ bool Viewer::frame() {
     if (messagesDrawn_ != visibleMessages()) framesToDraw_ = std::max(framesToDraw_, 1);
     bool rests = settled();
     // What comes from threads wakes the window.
-    double wait = rests || painter_->busy() ? 0.25 : interacting() && !playing_ ? 0.02 : 0;
+    double wait = rests || painter_->busy() || search_ ? 0.25
+                  : interacting() && !playing_         ? 0.02
+                                                       : 0;
     if (refines()) wait = 0;
     if (framesToDraw_ > 0 || playing_ || working()) wait = 0;
     if (!drawable_) wait = working() ? 0.01 : 0.25;
@@ -166,7 +173,7 @@ bool Viewer::frame() {
     keepSession(false);
     if (!drawable_) return true;
     if (window_.touched()) framesToDraw_ = 3;  // ImGui answers some events a frame later
-    if (rests && settled()) return true;
+    if (rests && settled() && !tipPending()) return true;
 
     forgetItems();
     window_.beginFrame();
@@ -177,9 +184,11 @@ bool Viewer::frame() {
         handleMouse();
     });
     followMotion();
+    attempt([&] { followInspected(); });
     updateTextures();
     if (!film_) updatePictures();
     drawOverlays();
+    drawLegend();
     drawPanel();
     drawTimeline();
     drawStatus();
@@ -310,6 +319,12 @@ double Viewer::fps() const { return motion() && motion()->fps > 0 ? motion()->fp
 
 const Viewer::OpenCapture* Viewer::capture() const {
     for (const OpenCapture& open : captures_)
+        if (motion() && open.motion.lock() == editor_->motion()) return &open;
+    return nullptr;
+}
+
+const Viewer::OpenedMotion* Viewer::openedMotion() const {
+    for (const OpenedMotion& open : motions_)
         if (motion() && open.motion.lock() == editor_->motion()) return &open;
     return nullptr;
 }

@@ -18,6 +18,8 @@
 #include "trainer/data/frame_cache.h"
 #include "trainer/motion/motion.h"
 #include "trainer/motion/retarget/retarget.h"
+#include "viewer/inspect/inspected.h"
+#include "viewer/inspect/sightings.h"
 #include "viewer/live_avatar.h"
 #include "viewer/picture/orbit_camera.h"
 #include "viewer/picture/painter.h"
@@ -25,6 +27,7 @@
 #include "viewer/picture/scene.h"
 #include "viewer/pose/ik.h"
 #include "viewer/pose/pose_editor.h"
+#include "viewer/pose/shape_names.h"
 #include "viewer/preferences.h"
 #include "viewer/recovery.h"
 #include "viewer/window/window.h"
@@ -64,6 +67,8 @@ struct ViewSettings {
     Backdrop backdrop = Backdrop::Colour;
     std::array<float, 3> colour{0.20f, 0.22f, 0.25f};
     bool captureCamera = false;
+    bool floor = false;
+    int ghosts = 0, ghostSpacing = 5;  // to each side; frames
     bool joints = true, limits = true, balance = true;
     bool panel = true, help = false;
     bool figures = true;  // of speed, in the corner
@@ -108,6 +113,13 @@ public:
     // Of the shape that is set.
     const Skeleton& skeleton() const;
     std::optional<size_t> selected() const { return selected_; }
+    // Of the highest point above the floor, metres; nothing where there is no floor.
+    std::optional<double> height(MeshKind mesh);
+    const Preferences& preferences() const { return preferences_; }
+    // The point of the surface that was clicked on last while the panel shows the inspector, and,
+    // once they are counted, the training frames that show it.
+    const std::optional<Inspected>& inspected() const { return inspected_; }
+    const std::optional<Sightings>& sightings() const { return sightings_; }
     // Nothing is being computed, and the picture shows what is set, as fine as it becomes.
     bool settled() const;
     // The latest message; empty: none so far.
@@ -182,11 +194,19 @@ private:
         std::weak_ptr<const Motion> motion;
         std::filesystem::path path;
         std::string frames;
+        std::vector<TrainedFrame> trained;  // its frames that the avatar was trained on
     };
     // Where something was saved, and when the file was written; empty: nowhere yet.
     struct SavedFile {
         std::filesystem::path path;
         std::filesystem::file_time_type time{};
+    };
+    // The body in a frame near the one that is shown.
+    struct Ghost {
+        Pose pose;
+        std::array<double, 3> tint{};
+        double opacity = 0;
+        bool operator==(const Ghost&) const = default;
     };
     struct Message {
         std::string text;
@@ -224,6 +244,7 @@ private:
     double lastKey() const;
     const Motion* motion() const { return editor_->motion().get(); }
     const OpenCapture* capture() const;
+    const OpenedMotion* openedMotion() const;
     void say(std::string text, bool wrong = false);
     void attempt(const std::function<void()>& action);
     bool interacting() const;
@@ -262,6 +283,7 @@ private:
     ViewTransform view() const;
     Camera cameraOf(const Pane& pane) const;
     std::span<const uint32_t> backgroundOf(const Pane& pane);
+    std::span<const uint32_t> behind(const Pane& pane);
     ShadeOptions shadeOptions(const Pane& pane) const;
     Shown wanted() const;
     void updatePictures();
@@ -286,6 +308,8 @@ private:
     glm::dvec3 onScreen(const glm::dvec3& world, const Pane& pane) const;
     void leaveCaptureCamera();
     void dollyToMouse(double factor);
+    // Joints, rings and bones are drawn, and taken by the mouse.
+    bool handles() const { return settings_.joints && !inspecting(); }
     std::optional<size_t> jointAt(double x, double y) const;
     struct RingHit {
         int axis;
@@ -294,6 +318,39 @@ private:
     std::optional<RingHit> ringAt(double x, double y) const;
     std::vector<glm::dvec2> ring(int axis, const Pane& pane) const;
     void drawOverlays();
+    // Words on something to read them from.
+    void drawLabel(const glm::vec2& at, const std::string& words) const;
+
+    // inspect/inspector.cpp
+    static constexpr const char* kInspectTab = "Inspect";
+    // A click is for the surface then, and joints keep out of the way.
+    bool inspecting() const { return settings_.panel && tab_ == kInspectTab; }
+    void toggleInspector();
+    void inspectAt(double x, double y);
+    void followInspected();
+    void seeFrame(size_t frame);
+    void drawInspectTab();
+    void drawInspected(const Pane& pane) const;
+
+    // floor.cpp
+    void findFloor();
+    std::optional<RigidMotion> worldToFloor();
+    void drawFloor(const RigidMotion& floor, const Pane& pane, std::vector<uint32_t>& pixels);
+    void drawHeight(const Pane& pane);
+
+    // ghosts.cpp
+    // Those that are to be seen now, the furthest first.
+    std::vector<Ghost> ghosts() const;
+    void drawGhosts(const std::vector<Ghost>& ghosts, const Pane& pane,
+                    std::vector<uint32_t>& pixels);
+
+    // legend.cpp
+    void drawLegend();
+
+    // bookmarks.cpp
+    void keepView(int digit);
+    void seeBookmark(int digit);
+    void drawBookmarks();
 
     // panel.cpp
     void drawPanel();
@@ -317,6 +374,7 @@ private:
     std::unique_ptr<Painter> painter_;
     std::unique_ptr<PoseEditor> editor_;
     mutable Skeleton skeleton_{};
+    std::optional<std::array<ShapeName, BodyModel::kShapes>> shapeNames_;
     mutable std::optional<Betas> skeletonBetas_;  // whose it is
     ViewSettings settings_;
     OrbitCamera orbit_;
@@ -344,6 +402,28 @@ private:
     uint64_t backdropVersion_ = 1;
     std::vector<uint32_t> background_;
     std::array<int64_t, 5> backgroundKey_{-1, -1, -1, -1, -1};
+    // The floor: from the poses' world, y up. Nothing where the motion's feet stand nowhere.
+    struct FloorOf {
+        Pose pose;
+        Betas betas{};
+        uint64_t opening = 0;
+        bool operator==(const FloorOf&) const = default;
+    };
+    std::optional<FloorOf> floorOf_;  // that is known
+    std::optional<RigidMotion> floor_;
+    // What is behind the avatar besides the background, and what that was drawn of.
+    struct Behind {
+        Pose pose;
+        Betas betas{};
+        Pane pane;
+        Camera camera;
+        ViewTransform view;
+        std::array<int64_t, 5> background{};
+        std::optional<RigidMotion> floor;
+        std::vector<Ghost> ghosts;
+        bool operator==(const Behind&) const = default;
+    };
+    std::map<int, std::pair<Behind, std::vector<uint32_t>>> behind_;  // by the pane's x
     std::vector<OpenCapture> captures_;
     const Motion* motionSeen_ = nullptr;  // of the last turn; undo may bring another one
     std::vector<OpenedMotion> motions_;
@@ -365,6 +445,21 @@ private:
     bool dragMoved_ = false;  // further than a click does
     glm::dvec3 dragGoal_{};   // that was solved for last
     RingHit dragRing_{};
+
+    // The panel.
+    std::string tab_, tabWanted_;  // that is open; that shall be
+
+    // The inspector.
+    std::optional<Inspected> inspected_;
+    std::optional<Sightings> sightings_;
+    std::unique_ptr<SightingSearch> search_;
+    // What the sightings are of.
+    struct Searched {
+        SurfacePoint point;
+        std::weak_ptr<const Motion> motion;
+        std::weak_ptr<const LoadedAvatar> avatar;
+    };
+    Searched searched_;
 
     // Long jobs.
     std::unique_ptr<FilmJob> film_;

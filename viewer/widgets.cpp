@@ -1,6 +1,8 @@
 #include "viewer/widgets.h"
 
 #include <algorithm>
+#include <chrono>
+#include <utility>
 
 namespace doppel {
 
@@ -11,6 +13,20 @@ std::vector<DrawnItem>& list() {
     return items;
 }
 
+constexpr std::chrono::milliseconds kTipAfter{600};
+
+// The item that the mouse rests on.
+struct Hover {
+    ImVec2 place{};
+    std::chrono::steady_clock::time_point since{};
+    bool now = false, before = false;  // in this frame and in the one before
+    int shown = 0;                     // frames with its tip
+};
+Hover& hovered() {
+    static Hover hover;
+    return hover;
+}
+
 float widthOf(std::string_view text) {
     return ImGui::CalcTextSize(text.data(), text.data() + text.size(), true).x;
 }
@@ -18,7 +34,10 @@ float widthOf(std::string_view text) {
 }  // namespace
 
 const std::vector<DrawnItem>& drawnItems() { return list(); }
-void forgetItems() { list().clear(); }
+void forgetItems() {
+    list().clear();
+    hovered().before = std::exchange(hovered().now, false);
+}
 
 void noteItem(std::string_view label, std::string_view words, float besides) {
     const ImVec2 low = ImGui::GetItemRectMin(), high = ImGui::GetItemRectMax();
@@ -37,24 +56,58 @@ void noteRow(std::string_view label) {
     list().back().cut = widthOf(label) > free + .5f;
 }
 
-bool button(const char* label, bool enabled) {
+void tip(const std::string& text) {
+    if (text.empty() || !ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenDisabled) ||
+        ImGui::IsMouseDown(0))
+        return;
+    const ImVec2 place = ImGui::GetItemRectMin();
+    const auto now = std::chrono::steady_clock::now();
+    Hover& hover = hovered();
+    if (!hover.before || hover.place.x != place.x || hover.place.y != place.y) hover = {place, now};
+    hover.now = true;
+    if (now - hover.since < kTipAfter) return;
+    ++hover.shown;
+    ImGui::BeginTooltip();
+    ImGui::PushTextWrapPos(20 * ImGui::GetFontSize());
+    ImGui::TextUnformatted(text.c_str());
+    ImGui::PopTextWrapPos();
+    noteItem(text);
+    ImGui::EndTooltip();
+}
+
+// Dear ImGui measures a window in its first frame, and shows it in the next.
+bool tipPending() { return hovered().now && hovered().shown < 3; }
+
+bool button(const char* label, const std::string& does, bool enabled) {
     if (!enabled) ImGui::BeginDisabled();
     const bool pressed = ImGui::Button(label);
     if (!enabled) ImGui::EndDisabled();
     noteItem(label);
+    tip(does);
     return pressed && enabled;
 }
 
-bool checkbox(const char* label, bool& value) {
+bool checkbox(const char* label, const std::string& does, bool& value) {
     const bool pressed = ImGui::Checkbox(label, &value);
     noteItem(label);
+    tip(does);
     return pressed;
 }
 
-bool slider(const char* label, double& value, double low, double high, const char* format) {
+bool slider(const char* label, const std::string& does, int& value, int low, int high,
+            const char* format) {
+    const bool moved = ImGui::SliderInt(label, &value, low, high, format);
+    noteItem(label);
+    tip(does);
+    return moved;
+}
+
+bool slider(const char* label, const std::string& does, double& value, double low, double high,
+            const char* format) {
     const bool moved =
         ImGui::SliderScalar(label, ImGuiDataType_Double, &value, &low, &high, format);
     noteItem(label);
+    tip(does);
     return moved;
 }
 
@@ -71,18 +124,20 @@ void hint(const std::string& text) {
     ImGui::PopStyleColor();
 }
 
-bool tab(const char* label) {
-    const bool open = ImGui::BeginTabItem(label);
+bool tab(const char* label, bool show) {
+    const bool open = ImGui::BeginTabItem(label, nullptr, show ? ImGuiTabItemFlags_SetSelected : 0);
     noteItem(label);
     return open;
 }
 
-bool choose(const char* label, const Choice* choices, size_t count, int& value) {
+bool choose(const char* label, const std::string& does, const Choice* choices, size_t count,
+            int& value) {
     const char* now = "";
     for (size_t i = 0; i < count; ++i)
         if (choices[i].value == value) now = choices[i].name;
     const bool open = ImGui::BeginCombo(label, now);
     if (!open) noteItem(label, now, ImGui::GetFrameHeight());
+    if (!open) tip(does);
     if (!open) return false;
     bool changed = false;
     for (size_t i = 0; i < count; ++i) {

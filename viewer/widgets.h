@@ -16,22 +16,30 @@ void noteItem(std::string_view label, std::string_view words = {}, float besides
 // Of the row of a list before, which reaches beyond its words to both sides.
 void noteRow(std::string_view label);
 
-bool button(const char* label, bool enabled = true);
-bool checkbox(const char* label, bool& value);
-bool slider(const char* label, double& value, double low, double high, const char* format);
+// Says what the item before does, once the mouse has rested on it for a moment; empty: nothing.
+void tip(const std::string& text);
+
+bool button(const char* label, const std::string& does, bool enabled = true);
+bool checkbox(const char* label, const std::string& does, bool& value);
+bool slider(const char* label, const std::string& does, int& value, int low, int high,
+            const char* format);
+bool slider(const char* label, const std::string& does, double& value, double low, double high,
+            const char* format);
 void words(const std::string& text);  // wrapped
 void hint(const std::string& text);   // wrapped, dimmed
-bool tab(const char* label);          // with EndTabItem where it is true
+// With EndTabItem where it is true. show: it comes to the front.
+bool tab(const char* label, bool show = false);
 
 struct Choice {
     const char* name;
     int value;
 };
 // True where another one was chosen.
-bool choose(const char* label, const Choice* choices, size_t count, int& value);
+bool choose(const char* label, const std::string& does, const Choice* choices, size_t count,
+            int& value);
 template <size_t N>
-bool choose(const char* label, const Choice (&choices)[N], int& value) {
-    return choose(label, choices, N, value);
+bool choose(const char* label, const std::string& does, const Choice (&choices)[N], int& value) {
+    return choose(label, does, choices, N, value);
 }
 
 // The next item goes beside the one before where so much more is free, else below.

@@ -10,6 +10,14 @@
 
 namespace doppel {
 
+// Where a texel's first colour came from, as a grey that tells it.
+enum TexelOrigin : uint8_t {
+    kNoTexel = 0,          // between the charts
+    kFromNeighbours = 85,  // no frame shows it, nor its mirror image
+    kFromOtherSide = 170,  // of the body: no frame shows it
+    kFromFrames = 255,
+};
+
 // Where a texel lies on the mesh.
 struct TexelPlace {
     int32_t face = -1;               // -1: between the charts

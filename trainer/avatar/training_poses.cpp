@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <span>
 
 #include "engine/error.h"
 
@@ -35,6 +36,19 @@ std::map<Row, size_t> framesByGivenPose(const std::filesystem::path& path, size_
     return known;
 }
 
+// Those of these poses that the avatar's training was given.
+std::vector<TrainedFrame> framesAmong(const std::filesystem::path& avatar,
+                                      std::span<const Theta> theta, std::span<const Trans> trans) {
+    if (!std::filesystem::exists(avatar / kFile)) return {};
+    const Poses trained = readPoses(avatar / kFile, true);
+    const std::map<Row, size_t> known = framesByGivenPose(avatar / kFile, trained.theta.size());
+    std::vector<TrainedFrame> found;
+    for (size_t f = 0; f < theta.size(); ++f)
+        if (const auto at = known.find(rowOf(theta[f], trans[f])); at != known.end())
+            found.push_back({f, trained.theta[at->second], trained.trans[at->second]});
+    return found;
+}
+
 }  // namespace
 
 void writeTrainingPoses(const std::filesystem::path& avatar, const Capture& given,
@@ -49,27 +63,21 @@ void writeTrainingPoses(const std::filesystem::path& avatar, const Capture& give
 }
 
 size_t takeTrainingPoses(const std::filesystem::path& avatar, Capture& capture) {
-    if (!std::filesystem::exists(avatar / kFile)) return 0;
-    const Poses trained = readPoses(avatar / kFile, true);
-    const std::map<Row, size_t> known = framesByGivenPose(avatar / kFile, trained.theta.size());
-    size_t taken = 0;
-    for (size_t f = 0; f < capture.size(); ++f) {
-        const auto found = known.find(rowOf(capture.theta[f], capture.trans[f]));
-        if (found == known.end()) continue;
-        capture.theta[f] = trained.theta[found->second];
-        capture.trans[f] = trained.trans[found->second];
-        ++taken;
+    const std::vector<TrainedFrame> known = framesAmong(avatar, capture.theta, capture.trans);
+    for (const TrainedFrame& trained : known) {
+        capture.theta[trained.frame] = trained.theta;
+        capture.trans[trained.frame] = trained.trans;
     }
-    return taken;
+    return known.size();
+}
+
+std::vector<TrainedFrame> trainedFrames(const std::filesystem::path& avatar, const Motion& motion) {
+    if (motion.cameras.empty()) return {};
+    return framesAmong(avatar, motion.theta, motion.trans);
 }
 
 bool wasTrainedOn(const std::filesystem::path& avatar, const Motion& motion) {
-    if (motion.cameras.empty() || !std::filesystem::exists(avatar / kFile)) return false;
-    const size_t frames = readPoses(avatar / kFile, true).theta.size();
-    const std::map<Row, size_t> known = framesByGivenPose(avatar / kFile, frames);
-    for (size_t f = 0; f < motion.size(); ++f)
-        if (known.contains(rowOf(motion.theta[f], motion.trans[f]))) return true;
-    return false;
+    return !trainedFrames(avatar, motion).empty();
 }
 
 }  // namespace doppel

@@ -5,7 +5,7 @@
 #pragma once
 
 #include <filesystem>
-#include <span>
+#include <vector>
 
 #include "trainer/data/capture.h"
 #include "trainer/motion/motion.h"
@@ -21,8 +21,17 @@ void writeTrainingPoses(const std::filesystem::path& avatar, const Capture& give
 // for a file that is damaged.
 size_t takeTrainingPoses(const std::filesystem::path& avatar, Capture& capture);
 
-// Whether the motion, as it was read, is a capture with frames that the avatar was trained on, told
-// likewise. InputError likewise.
+// A frame of a motion that the avatar was trained on, and the pose that training found.
+struct TrainedFrame {
+    size_t frame;
+    Theta theta;
+    Trans trans;
+};
+
+// Those of the motion's frames, as it was read, told likewise; none where it is no capture.
+// InputError likewise.
+std::vector<TrainedFrame> trainedFrames(const std::filesystem::path& avatar, const Motion& motion);
+// Whether there are any.
 bool wasTrainedOn(const std::filesystem::path& avatar, const Motion& motion);
 
 }  // namespace doppel

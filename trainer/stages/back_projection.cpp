@@ -9,7 +9,6 @@
 
 #include "nn/ops/raster.h"
 #include "trainer/avatar/background.h"
-#include "trainer/avatar/bake.h"
 #include "trainer/data/body_render.h"
 #include "trainer/data/progress.h"
 

@@ -6,18 +6,11 @@
 
 #include "engine/device.h"
 #include "nn/body/body.h"
+#include "trainer/avatar/bake.h"
 #include "trainer/data/capture.h"
 #include "trainer/data/frame_cache.h"
 
 namespace doppel {
-
-// Where a texel's first colour came from, as a grey that tells it.
-enum TexelOrigin : uint8_t {
-    kNoTexel = 0,          // between the charts
-    kFromNeighbours = 85,  // no frame shows it, nor its mirror image
-    kFromOtherSide = 170,  // of the body: no frame shows it
-    kFromFrames = 255,
-};
 
 struct FirstTexels {
     std::vector<float> texture;   // [size,size,3] in [0,1]

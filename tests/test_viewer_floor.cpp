@@ -1,0 +1,101 @@
+// The floor: where it lies, what is drawn of it, and how high the avatar is above it.
+#include "tests/viewer_test.h"
+#include "viewer/picture/floor.h"
+
+namespace doppel::test {
+namespace {
+
+TEST(Floor, LinesAreHalfAMetreApart) {
+    // Looking straight down from two metres: 100 pixels are a metre.
+    const Camera camera{200, 200, 100, 100, 200, 200};
+    ToFloor above;
+    above.rotation = glm::dmat3(1, 0, 0, 0, 0, 1, 0, -1, 0);  // x, z, -y of columns
+    above.translation = {0, 2, 0};
+    EXPECT_EQ(asGround(above).level, -2);
+    const std::vector<uint32_t> grey(200 * 200, 0xff505050u);
+    std::vector<float> shadow(grey.size());
+    shadow[30 * 200 + 30] = .5f;
+    std::vector<uint32_t> picture = grey;
+    paintFloor(picture, camera, above, {0, 0}, 1, shadow);
+    const auto at = [&](int x, int y) {
+        return int(picture[static_cast<size_t>(y * 200 + x)] & 0xff);
+    };
+    for (int x : {50, 100, 150}) EXPECT_GT(std::max(at(x - 1, 80), at(x, 80)), 0x58) << x;
+    for (int y : {50, 100, 150}) EXPECT_GT(std::max(at(80, y - 1), at(80, y)), 0x58) << y;
+    EXPECT_GT(std::max(at(99, 80), at(100, 80)), std::max(at(49, 80), at(50, 80))) << "a metre";
+    EXPECT_EQ(at(80, 80), 0x50);
+    EXPECT_EQ(at(30, 30), 0x28);
+    // From below it would hide the body.
+    above.translation.y = -2;
+    picture = grey;
+    paintFloor(picture, camera, above, {0, 0}, 1, shadow);
+    EXPECT_EQ(picture, grey);
+}
+
+TEST_F(ViewerTest, TheAvatarStandsOnAFloor) {
+    Viewer& viewer = open();
+    const Image without = picture();
+    screen_->key("g");
+    settle();
+    ASSERT_TRUE(viewer.settings().floor);
+    drag({20, 60}, {20, 110}, 2);  // from a little above
+    const Image with = picture();
+    screen_->key("g");
+    settle();
+    const Image same = picture();
+    screen_->key("g");
+    settle();
+    const int chest = static_cast<int>(at(joint::kSpine3).y);
+    int above = 0, below = 0;
+    for (int y = 0; y < with.height; ++y)
+        for (int x = 0; x < 200; ++x)  // the scale is to the right
+            if (with.pixel(x, y)[1] != same.pixel(x, y)[1]) ++(y < chest ? above : below);
+    EXPECT_EQ(above, 0);
+    EXPECT_GT(below, 500);
+    expectScreen(with, "floor");
+
+    // As high as the body is, whose soles are on the floor.
+    const Avatar avatar = readAvatar(*folder_ / "avatar");
+    const std::vector<double> shaped =
+        shapedVertices(avatar.body, std::vector<double>(avatar.betas.begin(), avatar.betas.end()));
+    double low = INFINITY, high = -INFINITY;
+    for (size_t i = 1; i < shaped.size(); i += 3)
+        low = std::min(low, shaped[i]), high = std::max(high, shaped[i]);
+    EXPECT_NEAR(*viewer.height(MeshKind::Body), high - low, .02);
+    // It keeps still under a pose that is edited.
+    const double before = *viewer.height(MeshKind::Body);
+    Pose pose = viewer.editor().pose();
+    pose.trans.y -= .25;
+    viewer.editor().setPose(pose);
+    settle();
+    EXPECT_NEAR(*viewer.height(MeshKind::Body), before + .25, 1e-4);
+}
+
+TEST_F(ViewerTest, TheFloorIsWhereAMotionsFeetStand) {
+    ViewerOptions options;
+    options.motion = *folder_ / "on-the-floor";
+    Motion motion = turningMotion(12);
+    writeColouredCapture(options.motion, motion);
+    Viewer& viewer = open(options);
+    screen_->key("g");
+    settle();
+    const double standing = *viewer.height(MeshKind::Body);
+    EXPECT_GT(standing, 1.4);
+    EXPECT_LT(standing, 2.1);
+    screen_->key("Right");
+    settle();
+    EXPECT_NEAR(*viewer.height(MeshKind::Body), standing, .03);
+    // Whose feet are everywhere has none.
+    for (size_t f = 0; f < motion.size(); ++f) motion.trans[f][1] += .1f * float(f);
+    const fs::path swims = *folder_ / "swims";
+    writeColouredCapture(swims, motion);
+    viewer.loadMotion(swims);
+    settle();
+    EXPECT_FALSE(viewer.height(MeshKind::Body));
+    screen_->key("n");
+    settle();
+    EXPECT_NO_THROW(itemAt("no floor: the feet of this motion stand nowhere"));
+}
+
+}  // namespace
+}  // namespace doppel::test

@@ -1,0 +1,26 @@
+// A floor behind the avatar: a grid of half metres, and the body's contact shadow on it.
+#pragma once
+
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <span>
+
+#include "trainer/avatar/films/contact_shadow.h"
+#include "trainer/data/camera.h"
+#include "trainer/data/pose.h"
+
+namespace doppel {
+
+// A camera's space -> the floor's, whose y points up and whose floor is y = 0.
+using ToFloor = RigidMotion;
+
+// The floor as contactShadow() has it.
+Ground asGround(const ToFloor& toFloor);
+
+// Onto pixels [H,W] of R, G, B, A. centre: x and z of the floor that the grid fades out around;
+// line: its lines' width, pixels; shadow [H,W] as contactShadow() has it. Nothing where the camera
+// is below the floor, for it would hide the body.
+void paintFloor(std::span<uint32_t> picture, const Camera& camera, const ToFloor& toFloor,
+                const glm::dvec2& centre, double line, std::span<const float> shadow);
+
+}  // namespace doppel
