@@ -98,15 +98,15 @@ Avatar avatarOf(const Painted& person, float forward = 0) {
 
 Colour meanWhere(const Avatar& avatar, const std::function<bool(size_t)>& where) {
     const auto colours = vertexColours(avatar.body, avatar.texture, avatar.textureSize);
-    std::array<double, 3> sum{};
+    glm::dvec3 sum(0);
     double count = 0;
     for (size_t v = 0; v < colours.size(); ++v) {
         if (!where(v)) continue;
-        for (size_t c = 0; c < 3; ++c) sum[c] += colours[v][c];
+        sum += colours[v];
         ++count;
     }
     EXPECT_GT(count, 20);
-    return {float(sum[0] / count), float(sum[1] / count), float(sum[2] / count)};
+    return {float(sum.x / count), float(sum.y / count), float(sum.z / count)};
 }
 
 void expectColour(const Colour& found, const Colour& expected) {

@@ -1,6 +1,7 @@
 #include "trainer/avatar/mix/garments.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <glm/glm.hpp>
 #include <numeric>
@@ -175,11 +176,11 @@ void removeIslands(std::vector<std::optional<Garment>>& labels,
 
 }  // namespace
 
-std::vector<std::array<double, 3>> vertexColours(const BodyModel& body,
-                                                 std::span<const float> texture, int size) {
+std::vector<glm::dvec3> vertexColours(const BodyModel& body, std::span<const float> texture,
+                                      int size) {
     CHECK(texture.size() == 3 * size_t(size) * size_t(size), "a texture is square");
     const auto vertices = static_cast<size_t>(body.vertexCount);
-    std::vector<std::array<double, 3>> colours(vertices);
+    std::vector<glm::dvec3> colours(vertices);
     std::vector<double> counts(vertices);
     auto texel = [&](float at) {
         return std::min(size_t(std::max(0.0, double{at} * size)), size_t(size) - 1);
@@ -188,11 +189,10 @@ std::vector<std::array<double, 3>> vertexColours(const BodyModel& body,
         const auto v = static_cast<size_t>(body.faces[corner]);
         const float* uv = &body.uvs[2 * static_cast<size_t>(body.uvFaces[corner])];
         const float* colour = &texture[3 * (texel(uv[1]) * size_t(size) + texel(uv[0]))];
-        for (size_t c = 0; c < 3; ++c) colours[v][c] += double{colour[c]};
+        colours[v] += glm::dvec3(colour[0], colour[1], colour[2]);
         ++counts[v];
     }
-    for (size_t v = 0; v < vertices; ++v)
-        for (double& c : colours[v]) c /= std::max(counts[v], 1.0);
+    for (size_t v = 0; v < vertices; ++v) colours[v] /= std::max(counts[v], 1.0);
     return colours;
 }
 
@@ -206,7 +206,7 @@ std::vector<Garment> segmentGarments(const BodyModel& body, std::span<const floa
     const auto vertices = static_cast<size_t>(body.vertexCount);
     const MeshTopology mesh = meshTopology(body.faces, body.vertexCount, body.file);
     std::vector<glm::dvec3> colours;
-    for (const auto& colour : vertexColours(body, texture, size)) colours.push_back(labOf(colour));
+    for (const auto& srgb : vertexColours(body, texture, size)) colours.push_back(labOf(srgb));
 
     std::vector<Costs> places(vertices);
     for (size_t v = 0; v < vertices; ++v)

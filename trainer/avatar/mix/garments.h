@@ -2,8 +2,8 @@
 // and by where on the body it lies.
 #pragma once
 
-#include <array>
 #include <cstdint>
+#include <glm/glm.hpp>
 #include <span>
 #include <vector>
 
@@ -16,8 +16,8 @@ inline constexpr size_t kGarmentCount = 5;
 constexpr size_t number(Garment garment) { return static_cast<size_t>(garment); }
 
 // [V,3] Colours of a texture [size,size,3] at the vertices; at a seam the mean of its sides.
-std::vector<std::array<double, 3>> vertexColours(const BodyModel& body,
-                                                 std::span<const float> texture, int size);
+std::vector<glm::dvec3> vertexColours(const BodyModel& body, std::span<const float> texture,
+                                      int size);
 
 // [V] Of a texture [size,size,3], sRGB-encoded in [0,1].
 //

@@ -15,10 +15,10 @@ constexpr double kCube = 216. / 24389, kSlope = 24389. / 27;
 
 }  // namespace
 
-glm::dvec3 labOf(const std::array<double, 3>& srgb) {
+glm::dvec3 labOf(const glm::dvec3& srgb) {
     glm::dvec3 linear;
     for (int c = 0; c < 3; ++c) {
-        const double x = std::clamp(srgb[size_t(c)], 0., 1.);
+        const double x = std::clamp(srgb[c], 0., 1.);
         linear[c] = x <= .04045 ? x / 12.92 : std::pow((x + .055) / 1.055, 2.4);
     }
     glm::dvec3 f = kToXyz * linear / kWhite;
@@ -26,7 +26,7 @@ glm::dvec3 labOf(const std::array<double, 3>& srgb) {
     return {116 * f.y - 16, 500 * (f.x - f.y), 200 * (f.y - f.z)};
 }
 
-std::array<double, 3> srgbOf(const glm::dvec3& lab) {
+glm::dvec3 srgbOf(const glm::dvec3& lab) {
     const double y = (lab.x + 16) / 116;
     glm::dvec3 f(y + lab.y / 500, y, y - lab.z / 200);
     for (int c = 0; c < 3; ++c) {
@@ -34,10 +34,10 @@ std::array<double, 3> srgbOf(const glm::dvec3& lab) {
         f[c] = (cube > kCube ? cube : (116 * f[c] - 16) / kSlope) * kWhite[c];
     }
     const glm::dvec3 linear = glm::inverse(kToXyz) * f;
-    std::array<double, 3> srgb{};
+    glm::dvec3 srgb;
     for (int c = 0; c < 3; ++c) {
         const double x = std::clamp(linear[c], 0., 1.);
-        srgb[size_t(c)] = x <= .0031308 ? 12.92 * x : 1.055 * std::pow(x, 1 / 2.4) - .055;
+        srgb[c] = x <= .0031308 ? 12.92 * x : 1.055 * std::pow(x, 1 / 2.4) - .055;
     }
     return srgb;
 }

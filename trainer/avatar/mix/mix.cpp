@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <glm/glm.hpp>
 
 #include "engine/error.h"
 #include "nn/body/mesh_topology.h"
@@ -11,8 +12,6 @@
 namespace doppel {
 
 namespace {
-
-using Colour = std::array<double, 3>;
 
 // Colours of skin: their middle and how far they spread about it, in L*a*b*.
 struct Tone {
@@ -24,8 +23,8 @@ struct Giver {
     const Avatar* avatar = nullptr;
     const std::vector<float>* texture = nullptr;  // [size,size,3]
     int size = 0;
-    std::vector<Garment> garments;  // [V]
-    std::vector<Colour> colours;    // [V] sRGB-encoded, skin as the head's
+    std::vector<Garment> garments;    // [V]
+    std::vector<glm::dvec3> colours;  // [V] sRGB-encoded, skin as the head's
     // What skin is, and what it is to be: Reinhard, Ashikhmin, Gooch, Shirley, Color Transfer
     // between Images, IEEE Computer Graphics and Applications 2001, of medians.
     Tone from, to;
@@ -33,33 +32,33 @@ struct Giver {
 
     bool wears(Garment garment, size_t v) const { return garments[v] == garment; }
 
+    glm::dvec3 offset(size_t v) const {
+        const std::vector<float>& offsets = avatar->body.offsets;
+        return offsets.empty() ? glm::dvec3(0)
+                               : glm::dvec3(offsets[3 * v], offsets[3 * v + 1], offsets[3 * v + 2]);
+    }
+
     // Bilinear, at a place of the atlas.
-    Colour at(double u, double v) const {
-        const double most = size - 1;
-        const double x = std::clamp(u * size - .5, 0., most),
-                     y = std::clamp(v * size - .5, 0., most);
-        const auto left = size_t(x), top = size_t(y), side = size_t(size);
+    glm::dvec3 at(const glm::dvec2& uv) const {
+        const glm::dvec2 place = glm::clamp(uv * double(size) - .5, 0., double(size - 1));
+        const auto left = size_t(place.x), top = size_t(place.y), side = size_t(size);
         const size_t right = std::min(left + 1, side - 1), below = std::min(top + 1, side - 1);
-        const double across = x - double(left), down = y - double(top);
-        Colour colour{};
-        auto add = [&](size_t row, size_t column, double share) {
-            for (size_t c = 0; c < 3; ++c)
-                colour[c] += share * double{(*texture)[3 * (row * side + column) + c]};
+        const glm::dvec2 share = place - glm::dvec2(left, top);
+        auto texel = [&](size_t row, size_t column) {
+            const float* colour = &(*texture)[3 * (row * side + column)];
+            return glm::dvec3(colour[0], colour[1], colour[2]);
         };
-        add(top, left, (1 - across) * (1 - down));
-        add(top, right, across * (1 - down));
-        add(below, left, (1 - across) * down);
-        add(below, right, across * down);
-        return colour;
+        return glm::mix(glm::mix(texel(top, left), texel(top, right), share.x),
+                        glm::mix(texel(below, left), texel(below, right), share.x), share.y);
     }
 
     // skin: how much of the place is skin, 0 to 1.
-    Colour matched(const Colour& colour, double skin) const {
+    glm::dvec3 matched(const glm::dvec3& colour, double skin) const {
         if (skin <= 0 || !recoloured) return colour;
+        constexpr double kMostChange = 2;  // of the spread
         const glm::dvec3 lab = labOf(colour);
-        return srgbOf(glm::mix(
-            lab, to.middle + (lab - from.middle) * glm::clamp(to.spread / from.spread, .5, 2.),
-            glm::dvec3(skin)));
+        const glm::dvec3 scale = glm::clamp(to.spread / from.spread, 1 / kMostChange, kMostChange);
+        return srgbOf(glm::mix(lab, to.middle + (lab - from.middle) * scale, skin));
     }
 };
 
@@ -95,7 +94,7 @@ void requireOneBody(const Avatar& base, const Avatar& other) {
 
 constexpr size_t kNobody = SIZE_MAX;
 
-// What the mixed person wears, and who gives it.
+// What the mixed person wears at a vertex, and who gives it.
 struct Worn {
     Garment garment = Garment::Top;
     size_t giver = kNobody;
@@ -105,83 +104,61 @@ struct Worn {
 constexpr std::array<int, kGarmentCount> kLayers = {0, 4, 3, 1, 2};
 int layerOf(Garment garment) { return kLayers[number(garment)]; }
 
-// What hair covers, or another's longer clothes, is of the garment that lies around it, ring by
-// ring.
-void nameCovered(std::vector<Worn>& worn, const Adjacency& adjacency) {
-    std::vector<char> named(worn.size());
-    for (size_t v = 0; v < worn.size(); ++v)
-        named[v] = worn[v].giver != kNobody && worn[v].garment != Garment::Hair;
-    for (bool grows = true; grows;) {
-        std::vector<std::pair<size_t, Garment>> ring;
-        for (size_t v = 0; v < worn.size(); ++v) {
-            if (named[v] || worn[v].giver != kNobody) continue;
-            std::array<int, kGarmentCount> beside{};
-            for (int32_t i = adjacency.begin[v]; i < adjacency.begin[v + 1]; ++i) {
-                const auto n = size_t(adjacency.neighbours[size_t(i)]);
-                if (named[n]) ++beside[number(worn[n].garment)];
-            }
-            const auto most = std::ranges::max_element(beside);
-            if (*most > 0) ring.emplace_back(v, static_cast<Garment>(most - beside.begin()));
-        }
-        for (const auto& [v, garment] : ring) worn[v].garment = garment, named[v] = 1;
-        grows = !ring.empty();
-    }
-}
-
-// Values of vertices that somebody gives spread over the others, in sweeps of means (Gauss-Seidel):
-// first along the garment, then over all that is left.
-void spread(std::vector<Colour>& values, const std::vector<Worn>& worn,
-            const Adjacency& adjacency) {
-    constexpr int kSweeps = 200;
-    std::vector<char> known(worn.size());
-    for (size_t v = 0; v < worn.size(); ++v) known[v] = worn[v].giver != kNobody;
-    for (bool alongGarment : {true, false}) {
-        const std::vector<char> fixed = known;
-        for (int sweep = 0; sweep < kSweeps; ++sweep)
-            for (size_t v = 0; v < worn.size(); ++v) {
-                if (fixed[v]) continue;
-                Colour sum{};
-                double count = 0;
-                for (int32_t i = adjacency.begin[v]; i < adjacency.begin[v + 1]; ++i) {
-                    const auto n = size_t(adjacency.neighbours[size_t(i)]);
-                    if (!known[n] || (alongGarment && worn[n].garment != worn[v].garment)) continue;
-                    for (size_t c = 0; c < 3; ++c) sum[c] += values[n][c];
-                    ++count;
-                }
-                if (count == 0) continue;
-                for (size_t c = 0; c < 3; ++c) values[v][c] = sum[c] / count;
-                known[v] = 1;
-            }
-    }
-}
-
 // How surely a texel of this colour is of the garment that has one colour in its triangle's corners
 // and not of what has the other; negative where the two can't be told apart.
-double sureOf(const Colour& texel, const Colour& own, const Colour& other) {
-    constexpr double kContrast = .08;  // of sRGB, along the axis between the two
-    double along = 0, length2 = 0;
-    for (size_t c = 0; c < 3; ++c) {
-        along += (texel[c] - other[c]) * (own[c] - other[c]);
-        length2 += (own[c] - other[c]) * (own[c] - other[c]);
-    }
+double sureOf(const glm::dvec3& texel, const glm::dvec3& own, const glm::dvec3& other) {
+    constexpr double kContrast = .08;  // of sRGB
+    const glm::dvec3 axis = own - other;
+    const double length2 = glm::dot(axis, axis);
     if (length2 < kContrast * kContrast) return -1;
-    return std::clamp(4 * (along / length2 - .5) + .5, 0., 1.);
+    return std::clamp(4 * (glm::dot(texel - other, axis) / length2 - .5) + .5, 0., 1.);
 }
 
-}  // namespace
+class Mixer {
+public:
+    explicit Mixer(const MixParts& parts)
+        : parts_(parts),
+          body_(parts.base->body),
+          vertices_(size_t(body_.vertexCount)),
+          around_(meshTopology(body_.faces, body_.vertexCount, body_.file).adjacency),
+          worn_(vertices_),
+          onHead_(vertices_) {
+        base_ = giverOf(parts.base);
+        auto partOf = [&](const Avatar* avatar, size_t fallback) {
+            return avatar ? giverOf(avatar) : fallback;
+        };
+        head_ = partOf(parts.head, base_), hair_ = partOf(parts.hair, head_);
+        top_ = partOf(parts.top, base_), bottom_ = partOf(parts.bottom, base_);
+        shoes_ = partOf(parts.shoes, base_);
+        if (parts.shape) requireOneBody(*parts.base, *parts.shape);
+    }
 
-Mix mixAvatars(const MixParts& parts) {
-    constexpr int kOffsetPasses = 4;  // of means over neighbours, which lie a centimetre apart
-    constexpr int kCoveredRings = 3;
-    constexpr size_t kFewestOfSkin = 20;  // vertices that tell its colour
-    CHECK(parts.base, "there is a base");
+    Mix mix() {
+        dress();
+        nameCovered();
+        leaveRims();
+        recolourSkin();
+        Mix mix;
+        tell(mix);
+        Avatar& avatar = mix.avatar;
+        avatar.body = body_;
+        avatar.bodyArrays = parts_.base->bodyArrays;
+        avatar.betas = (parts_.shape ? parts_.shape : parts_.base)->betas;
+        avatar.preset = parts_.base->preset;
+        setOffsets(avatar, mixedOffsets());
+        for (const Giver& giver : givers_)
+            avatar.textureSize = std::max(avatar.textureSize, giver.size);
+        avatar.texture = mixedTexture(avatar.textureSize);
+        avatar.preset.texture.textureSize = avatar.textureSize;
+        return mix;
+    }
 
-    // Each avatar once, in the order of Mix::given.
-    std::vector<Giver> givers;
-    auto giverOf = [&](const Avatar* avatar) {
-        const auto found = std::ranges::find(givers, avatar, &Giver::avatar);
-        if (found != givers.end()) return size_t(found - givers.begin());
-        requireOneBody(*parts.base, *avatar);
+private:
+    // Each avatar once.
+    size_t giverOf(const Avatar* avatar) {
+        const auto found = std::ranges::find(givers_, avatar, &Giver::avatar);
+        if (found != givers_.end()) return size_t(found - givers_.begin());
+        requireOneBody(*parts_.base, *avatar);
         Giver giver;
         giver.avatar = avatar;
         giver.texture = avatar->bakedTexture.empty() ? &avatar->texture : &avatar->bakedTexture;
@@ -189,222 +166,276 @@ Mix mixAvatars(const MixParts& parts) {
         CHECK(!giver.texture->empty(), "an avatar has a texture");
         giver.garments = segmentGarments(avatar->body, *giver.texture, giver.size);
         giver.colours = vertexColours(avatar->body, *giver.texture, giver.size);
-        givers.push_back(std::move(giver));
-        return givers.size() - 1;
-    };
-    const size_t base = giverOf(parts.base);
-    auto partOf = [&](const Avatar* avatar, size_t fallback) {
-        return avatar ? giverOf(avatar) : fallback;
-    };
-    const size_t head = partOf(parts.head, base), hair = partOf(parts.hair, head),
-                 top = partOf(parts.top, base), bottom = partOf(parts.bottom, base),
-                 shoes = partOf(parts.shoes, base);
-    if (parts.shape) requireOneBody(*parts.base, *parts.shape);
-
-    const BodyModel& body = parts.base->body;
-    const auto vertices = static_cast<size_t>(body.vertexCount);
-    const MeshTopology mesh = meshTopology(body.faces, body.vertexCount, body.file);
-
-    std::vector<Worn> worn(vertices);
-    std::vector<char> onHead(vertices);
-    for (size_t v = 0; v < vertices; ++v) {
-        const float* weights = &body.weights[v * joint::kCount];
-        onHead[v] = body.face[v] || weights[joint::kHead] + weights[joint::kNeck] > .5f;
-        auto take = [&](Garment garment, std::initializer_list<size_t> from) {
-            for (size_t k : from)
-                if (worn[v].giver == kNobody && givers[k].wears(garment, v)) worn[v] = {garment, k};
-        };
-        take(Garment::Hair, {hair});
-        take(Garment::Top, {top});
-        take(Garment::Shoes, {shoes});
-        take(Garment::Bottom, {bottom});
-        if (onHead[v])
-            take(Garment::Skin, {head, hair, base, top});
-        else
-            take(Garment::Skin, {base, top, bottom, shoes, head});
+        givers_.push_back(std::move(giver));
+        return givers_.size() - 1;
     }
-    nameCovered(worn, mesh.adjacency);
-    // Beside what was covered a garment has its shadow, and colours that pictures have mixed.
-    for (int ring = 0; ring < kCoveredRings; ++ring) {
-        std::vector<size_t> rim;
-        for (size_t v = 0; v < vertices; ++v)
-            for (int32_t i = mesh.adjacency.begin[v]; i < mesh.adjacency.begin[v + 1]; ++i) {
-                const Worn& beside = worn[size_t(mesh.adjacency.neighbours[size_t(i)])];
-                if (beside.giver == kNobody && beside.garment == worn[v].garment) rim.push_back(v);
+
+    std::span<const int32_t> neighboursOf(size_t v) const {
+        return std::span(around_.neighbours)
+            .subspan(size_t(around_.begin[v]), size_t(around_.begin[v + 1] - around_.begin[v]));
+    }
+    // Numbers of the givers; one more is nobody's.
+    size_t choices() const { return givers_.size() + 1; }
+    size_t choiceOf(size_t v) const { return std::min(worn_[v].giver, givers_.size()); }
+
+    void dress() {
+        for (size_t v = 0; v < vertices_; ++v) {
+            const float* weights = &body_.weights[v * joint::kCount];
+            onHead_[v] = body_.face[v] || weights[joint::kHead] + weights[joint::kNeck] > .5f;
+            auto take = [&](Garment garment, std::initializer_list<size_t> from) {
+                for (size_t k : from)
+                    if (worn_[v].giver == kNobody && givers_[k].wears(garment, v))
+                        worn_[v] = {garment, k};
+            };
+            take(Garment::Hair, {hair_});
+            take(Garment::Top, {top_});
+            take(Garment::Shoes, {shoes_});
+            take(Garment::Bottom, {bottom_});
+            if (onHead_[v])
+                take(Garment::Skin, {head_, hair_, base_, top_});
+            else
+                take(Garment::Skin, {base_, top_, bottom_, shoes_, head_});
+        }
+    }
+
+    // What hair covers, or another's longer clothes, is of the garment that lies around it, ring by
+    // ring.
+    void nameCovered() {
+        std::vector<char> named(vertices_);
+        for (size_t v = 0; v < vertices_; ++v)
+            named[v] = worn_[v].giver != kNobody && worn_[v].garment != Garment::Hair;
+        for (bool grows = true; grows;) {
+            std::vector<std::pair<size_t, Garment>> ring;
+            for (size_t v = 0; v < vertices_; ++v) {
+                if (named[v] || worn_[v].giver != kNobody) continue;
+                std::array<int, kGarmentCount> beside{};
+                for (int32_t n : neighboursOf(v))
+                    if (named[size_t(n)]) ++beside[number(worn_[size_t(n)].garment)];
+                const auto most = std::ranges::max_element(beside);
+                if (*most > 0) ring.emplace_back(v, static_cast<Garment>(most - beside.begin()));
             }
-        for (size_t v : rim) worn[v].giver = kNobody;
+            for (const auto& [v, garment] : ring) worn_[v].garment = garment, named[v] = 1;
+            grows = !ring.empty();
+        }
+    }
+
+    // Beside what was covered a garment has its shadow, and colours that pictures have mixed.
+    void leaveRims() {
+        constexpr int kRings = 3;
+        for (int ring = 0; ring < kRings; ++ring) {
+            std::vector<size_t> rim;
+            for (size_t v = 0; v < vertices_; ++v)
+                if (std::ranges::any_of(neighboursOf(v), [&](int32_t n) {
+                        const Worn& beside = worn_[size_t(n)];
+                        return beside.giver == kNobody && beside.garment == worn_[v].garment;
+                    }))
+                    rim.push_back(v);
+            for (size_t v : rim) worn_[v].giver = kNobody;
+        }
     }
 
     // Skin becomes what the head's giver has in the same places, and where clothes hide that, what
     // her face has.
-    for (size_t k = 0; k < givers.size(); ++k) {
-        std::vector<size_t> taken, shared, face;
-        for (size_t v = 0; v < vertices; ++v) {
-            if (worn[v].giver == k && worn[v].garment == Garment::Skin) {
+    void recolourSkin() {
+        constexpr size_t kFewest = 20;  // vertices that tell its colour
+        std::vector<size_t> face;
+        for (size_t v = 0; v < vertices_; ++v)
+            if (body_.face[v] && givers_[head_].wears(Garment::Skin, v)) face.push_back(v);
+        for (size_t k = 0; k < givers_.size(); ++k) {
+            std::vector<size_t> taken, shared;
+            for (size_t v = 0; v < vertices_; ++v) {
+                if (worn_[v].giver != k || worn_[v].garment != Garment::Skin) continue;
                 taken.push_back(v);
-                if (givers[head].wears(Garment::Skin, v)) shared.push_back(v);
+                if (givers_[head_].wears(Garment::Skin, v)) shared.push_back(v);
             }
-            if (body.face[v] && givers[head].wears(Garment::Skin, v)) face.push_back(v);
+            if (k == head_ || taken.size() < kFewest || face.size() < kFewest) continue;
+            const bool shares = shared.size() >= kFewest;
+            givers_[k].from = toneOf(givers_[k], shares ? shared : taken);
+            givers_[k].to = toneOf(givers_[head_], shares ? shared : face);
+            givers_[k].recoloured = true;
         }
-        if (k == head || taken.size() < kFewestOfSkin || face.size() < kFewestOfSkin) continue;
-        const bool shares = shared.size() >= kFewestOfSkin;
-        givers[k].from = toneOf(givers[k], shares ? shared : taken);
-        givers[k].to = toneOf(givers[head], shares ? shared : face);
-        givers[k].recoloured = true;
-    }
-    for (Giver& giver : givers)
-        for (size_t v = 0; v < vertices; ++v)
-            giver.colours[v] = giver.matched(giver.colours[v], giver.wears(Garment::Skin, v));
-
-    Mix mix;
-    const std::array<std::pair<Garment, size_t>, 6> roles{{{Garment::Skin, base},
-                                                           {Garment::Skin, head},
-                                                           {Garment::Hair, hair},
-                                                           {Garment::Top, top},
-                                                           {Garment::Bottom, bottom},
-                                                           {Garment::Shoes, shoes}}};
-    for (size_t v = 0; v < vertices; ++v) {
-        const double one = 1. / double(vertices);
-        const auto [garment, giver] = worn[v];
-        if (giver == kNobody) mix.unseen += one;
-        for (size_t role = 0; role < roles.size(); ++role)
-            if (giver == roles[role].second &&
-                (role == 0 || (garment == roles[role].first && (role != 1 || onHead[v]))))
-                mix.given[role] += one;
+        for (Giver& giver : givers_)
+            for (size_t v = 0; v < vertices_; ++v)
+                giver.colours[v] = giver.matched(giver.colours[v], giver.wears(Garment::Skin, v));
     }
 
-    // Shares of the givers, and of nobody, which go over into each other across seams.
-    const size_t choices = givers.size() + 1;
-    auto choiceOf = [&](size_t v) {
-        return worn[v].giver == kNobody ? givers.size() : worn[v].giver;
-    };
-    std::vector<std::vector<double>> shares(choices, std::vector<double>(vertices));
-    for (size_t v = 0; v < vertices; ++v) shares[choiceOf(v)][v] = 1;
-    for (std::vector<double>& share : shares)
-        for (int pass = 0; pass < kOffsetPasses; ++pass) {
-            std::vector<double> next = share;
-            for (size_t v = 0; v < vertices; ++v) {
-                const int32_t from = mesh.adjacency.begin[v], to = mesh.adjacency.begin[v + 1];
-                double sum = 0;
-                for (int32_t i = from; i < to; ++i)
-                    sum += share[size_t(mesh.adjacency.neighbours[size_t(i)])];
-                if (to > from) next[v] = (share[v] + sum / (to - from)) / 2;
+    void tell(Mix& mix) const {
+        const std::array<std::pair<Garment, size_t>, 6> roles{{{Garment::Skin, base_},
+                                                               {Garment::Skin, head_},
+                                                               {Garment::Hair, hair_},
+                                                               {Garment::Top, top_},
+                                                               {Garment::Bottom, bottom_},
+                                                               {Garment::Shoes, shoes_}}};
+        for (size_t v = 0; v < vertices_; ++v) {
+            const double one = 1. / double(vertices_);
+            const auto [garment, giver] = worn_[v];
+            if (giver == kNobody) mix.unseen += one;
+            for (size_t role = 0; role < roles.size(); ++role)
+                if (giver == roles[role].second &&
+                    (role == 0 || (garment == roles[role].first && (role != 1 || onHead_[v]))))
+                    mix.given[role] += one;
+        }
+    }
+
+    // [V] What the givers have, spread over what nobody gives, in sweeps of means (Gauss-Seidel):
+    // first along the garment, then over all that is left.
+    template <typename Of>
+    std::vector<glm::dvec3> filled(const Of& of) const {
+        constexpr int kSweeps = 200;
+        std::vector<glm::dvec3> values(vertices_);
+        std::vector<char> known(vertices_);
+        for (size_t v = 0; v < vertices_; ++v)
+            if (worn_[v].giver != kNobody) values[v] = of(givers_[worn_[v].giver], v), known[v] = 1;
+        for (bool alongGarment : {true, false}) {
+            const std::vector<char> fixed = known;
+            for (int sweep = 0; sweep < kSweeps; ++sweep)
+                for (size_t v = 0; v < vertices_; ++v) {
+                    if (fixed[v]) continue;
+                    glm::dvec3 sum(0);
+                    double count = 0;
+                    for (int32_t at : neighboursOf(v)) {
+                        const auto n = size_t(at);
+                        if (!known[n] || (alongGarment && worn_[n].garment != worn_[v].garment))
+                            continue;
+                        sum += values[n];
+                        ++count;
+                    }
+                    if (count == 0) continue;
+                    values[v] = sum / count;
+                    known[v] = 1;
+                }
+        }
+        return values;
+    }
+
+    // [V,3] Across seams the givers' surfaces go over into each other.
+    std::vector<float> mixedOffsets() const {
+        constexpr int kPasses = 4;  // of means over neighbours, which lie a centimetre apart
+        std::vector<std::vector<double>> shares(choices(), std::vector<double>(vertices_));
+        for (size_t v = 0; v < vertices_; ++v) shares[choiceOf(v)][v] = 1;
+        for (std::vector<double>& share : shares)
+            for (int pass = 0; pass < kPasses; ++pass) {
+                std::vector<double> next = share;
+                for (size_t v = 0; v < vertices_; ++v) {
+                    const auto beside = neighboursOf(v);
+                    double sum = 0;
+                    for (int32_t n : beside) sum += share[size_t(n)];
+                    if (!beside.empty()) next[v] = (share[v] + sum / double(beside.size())) / 2;
+                }
+                share = std::move(next);
             }
-            share = std::move(next);
-        }
-
-    auto offsetOf = [&](size_t k, size_t v) {
-        Colour offset{};
-        const std::vector<float>& offsets = givers[k].avatar->body.offsets;
-        for (size_t c = 0; c < 3 && !offsets.empty(); ++c) offset[c] = double{offsets[3 * v + c]};
-        return offset;
-    };
-    std::vector<Colour> filledOffsets(vertices), filledColours(vertices);
-    for (size_t v = 0; v < vertices; ++v)
-        if (const size_t k = worn[v].giver; k != kNobody) {
-            filledOffsets[v] = offsetOf(k, v);
-            filledColours[v] = givers[k].colours[v];
-        }
-    spread(filledOffsets, worn, mesh.adjacency);
-    spread(filledColours, worn, mesh.adjacency);
-
-    Avatar& avatar = mix.avatar;
-    avatar.body = body;
-    avatar.bodyArrays = parts.base->bodyArrays;
-    avatar.betas = (parts.shape ? parts.shape : parts.base)->betas;
-    avatar.preset = parts.base->preset;
-    std::vector<float> offsets(3 * vertices);
-    for (size_t v = 0; v < vertices; ++v)
-        for (size_t c = 0; c < 3; ++c) {
-            // The one giver's number to the last bit, where there is one.
-            double sum = 0, all = 0;
-            for (size_t k = 0; k < choices; ++k) {
+        const std::vector<glm::dvec3> covered =
+            filled([](const Giver& giver, size_t v) { return giver.offset(v); });
+        std::vector<float> offsets;
+        for (size_t v = 0; v < vertices_; ++v) {
+            glm::dvec3 sum(0);
+            double all = 0;
+            for (size_t k = 0; k < choices(); ++k) {
                 const double share = shares[k][v];
                 if (share == 0) continue;
                 all += share;
-                sum += share * (k < givers.size() ? offsetOf(k, v)[c] : filledOffsets[v][c]);
+                sum += share * (k < givers_.size() ? givers_[k].offset(v) : covered[v]);
             }
-            offsets[3 * v + c] = float(sum / all);
+            // Where there is one giver, its numbers to the last bit.
+            for (int c = 0; c < 3; ++c) offsets.push_back(float(sum[c] / all));
         }
-    setOffsets(avatar, offsets);
+        return offsets;
+    }
+
+    // A texel of the mixed texture.
+    struct Texel {
+        glm::dvec2 uv;
+        std::array<size_t, 3> corners;  // vertices of its triangle
+        std::vector<double> share,
+            skin;           // of each choice: how much of it is here; how much is skin
+        glm::dvec3 filled;  // what nobody's are
+    };
+
+    glm::dvec3 colourOf(const Texel& texel, size_t k) const {
+        return k < givers_.size() ? givers_[k].matched(givers_[k].at(texel.uv), texel.skin[k])
+                                  : texel.filled;
+    }
 
     // A triangle's corners may be of several givers. Within a garment they go over into each other;
     // the uppermost of several garments ends where its giver's picture says so, else with a narrow
     // seam.
-    auto sharpen = [&](std::vector<double>& share, const std::array<size_t, 3>& corners,
-                       size_t upper, const auto& colourOf) {
+    void sharpen(Texel& texel) const {
+        constexpr double kNarrow = 4;  // power of the shares
+        const size_t upper = std::ranges::max(texel.corners, {},
+                                              [&](size_t v) { return layerOf(worn_[v].garment); });
         const size_t k = choiceOf(upper);
-        if (std::ranges::all_of(corners, [&](size_t v) { return choiceOf(v) == k; })) {
-            std::ranges::fill(share, 0);
-            share[k] = 1;
-            return;
-        }
-        if (std::ranges::all_of(corners,
-                                [&](size_t v) { return worn[v].garment == worn[upper].garment; }))
-            return;
-        double sure = -1, others = 0;
-        if (k < givers.size()) {
-            Colour own{}, other{};
+        const auto ofTheSame = [&](size_t v) { return worn_[v].garment == worn_[upper].garment; };
+        if (std::ranges::all_of(texel.corners, ofTheSame)) return;
+        double sure = -1;
+        if (k < givers_.size()) {
+            glm::dvec3 own(0), other(0);
             double owns = 0;
-            for (size_t v : corners) {
+            for (size_t v : texel.corners) {
                 const bool its = choiceOf(v) == k;
                 owns += its;
-                for (size_t c = 0; c < 3; ++c) (its ? own : other)[c] += givers[k].colours[v][c];
+                (its ? own : other) += givers_[k].colours[v];
             }
-            for (size_t c = 0; c < 3; ++c) own[c] /= owns, other[c] /= 3 - owns;
-            sure = sureOf(colourOf(k), own, other);
+            if (owns < 3) sure = sureOf(colourOf(texel, k), own / owns, other / (3 - owns));
         }
-        for (size_t i = 0; i < choices; ++i) {
-            share[i] = std::pow(share[i], 4);
-            if (i != k) others += share[i];
+        double others = 0;
+        for (size_t i = 0; i < choices(); ++i) {
+            texel.share[i] = std::pow(texel.share[i], kNarrow);
+            if (i != k) others += texel.share[i];
         }
-        if (sure >= 0 && others > 0) {
-            for (double& x : share) x *= (1 - sure) / others;
-            share[k] = sure;
-        } else {
-            for (double& x : share) x /= others + share[k];
-        }
-    };
-
-    int size = 0;
-    for (const Giver& giver : givers) size = std::max(size, giver.size);
-    const std::vector<TexelPlace> places = texelPlaces(body, size);
-    std::vector<float> texture(3 * places.size());
-    for (size_t t = 0; t < places.size(); ++t) {
-        const TexelPlace& place = places[t];
-        if (place.face < 0) continue;
-        const double u = (double(t % size_t(size)) + .5) / size,
-                     down = (double(t / size_t(size)) + .5) / size;
-        std::vector<double> share(choices), skinOf(choices);
-        Colour filled{};
-        size_t upper = 0;  // the corner with the uppermost garment
-        std::array<size_t, 3> corners{};
-        for (size_t i = 0; i < 3; ++i) {
-            const size_t v = corners[i] = size_t(body.faces[3 * size_t(place.face) + i]);
-            const double corner = double{place.corners[i]};
-            share[choiceOf(v)] += corner;
-            for (size_t c = 0; c < 3; ++c) filled[c] += corner * filledColours[v][c];
-            for (size_t k = 0; k < givers.size(); ++k)
-                skinOf[k] += corner * givers[k].wears(Garment::Skin, v);
-            if (layerOf(worn[v].garment) > layerOf(worn[corners[upper]].garment)) upper = i;
-        }
-        auto colourOf = [&](size_t k) {
-            return k < givers.size() ? givers[k].matched(givers[k].at(u, down), skinOf[k]) : filled;
-        };
-        sharpen(share, corners, corners[upper], colourOf);
-        Colour sum{};
-        for (size_t k = 0; k < choices; ++k) {
-            if (share[k] == 0) continue;
-            const Colour colour = colourOf(k);
-            for (size_t c = 0; c < 3; ++c) sum[c] += share[k] * colour[c];
-        }
-        for (size_t c = 0; c < 3; ++c) texture[3 * t + c] = float(sum[c]);
+        const double own =
+            sure >= 0 && others > 0 ? sure : texel.share[k] / (others + texel.share[k]);
+        for (double& share : texel.share) share *= others > 0 ? (1 - own) / others : 0;
+        texel.share[k] = own;
     }
-    spreadCharts(places, size, texture);
-    avatar.texture = std::move(texture);
-    avatar.textureSize = size;
-    avatar.preset.texture.textureSize = size;
-    return mix;
+
+    // [size,size,3]
+    std::vector<float> mixedTexture(int size) const {
+        const std::vector<glm::dvec3> covered =
+            filled([](const Giver& giver, size_t v) { return giver.colours[v]; });
+        const std::vector<TexelPlace> places = texelPlaces(body_, size);
+        std::vector<float> texture(3 * places.size());
+        for (size_t t = 0; t < places.size(); ++t) {
+            const TexelPlace& place = places[t];
+            if (place.face < 0) continue;
+            Texel texel{(glm::dvec2(t % size_t(size), t / size_t(size)) + .5) / double(size),
+                        {},
+                        std::vector<double>(choices()),
+                        std::vector<double>(choices()),
+                        glm::dvec3(0)};
+            for (size_t i = 0; i < 3; ++i) {
+                const auto v = size_t(body_.faces[3 * size_t(place.face) + i]);
+                const double corner = double{place.corners[i]};
+                texel.corners[i] = v;
+                texel.share[choiceOf(v)] += corner;
+                texel.filled += corner * covered[v];
+                for (size_t k = 0; k < givers_.size(); ++k)
+                    texel.skin[k] += corner * givers_[k].wears(Garment::Skin, v);
+            }
+            sharpen(texel);
+            glm::dvec3 sum(0);
+            for (size_t k = 0; k < choices(); ++k)
+                if (texel.share[k] > 0) sum += texel.share[k] * colourOf(texel, k);
+            for (int c = 0; c < 3; ++c) texture[3 * t + size_t(c)] = float(sum[c]);
+        }
+        spreadCharts(places, size, texture);
+        return texture;
+    }
+
+    const MixParts& parts_;
+    const BodyModel& body_;
+    const size_t vertices_;
+    const Adjacency around_;
+    std::vector<Giver> givers_;
+    size_t base_ = 0, head_ = 0, hair_ = 0, top_ = 0, bottom_ = 0, shoes_ = 0;
+    std::vector<Worn> worn_;
+    std::vector<char> onHead_;
+};
+
+}  // namespace
+
+Mix mixAvatars(const MixParts& parts) {
+    CHECK(parts.base, "there is a base");
+    return Mixer(parts).mix();
 }
 
 }  // namespace doppel
