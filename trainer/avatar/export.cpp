@@ -11,6 +11,7 @@
 #include "engine/files/ending.h"
 #include "nn/body/body.h"
 #include "trainer/avatar/avatar_renderer.h"
+#include "trainer/avatar/bake.h"
 #include "trainer/avatar/formats/model_files.h"
 #include "trainer/avatar/formats/motion_files.h"
 #include "trainer/avatar/sheet.h"
@@ -48,67 +49,6 @@ float lowest(std::span<const float> verts) {
     float low = std::numeric_limits<float>::infinity();
     for (size_t i = 1; i < verts.size(); i += 3) low = std::min(low, verts[i]);
     return low;
-}
-
-// ---- texture ------------------------------------------------------------------------------------
-
-// [size,size] 1 at texels that a chart's pictures depend on: bilinear filtering reaches one texel
-// over its border.
-std::vector<uint8_t> chartTexels(const BodyModel& body, int size) {
-    std::vector<uint8_t> covered(static_cast<size_t>(size) * static_cast<size_t>(size));
-    for (size_t f = 0; f + 2 < body.uvFaces.size(); f += 3) {
-        std::array<glm::dvec2, 3> p;  // in texels, whose centres are whole numbers
-        for (size_t i = 0; i < 3; ++i) {
-            const float* uv = &body.uvs[2 * static_cast<size_t>(body.uvFaces[f + i])];
-            p[i] = glm::dvec2(uv[0], uv[1]) * static_cast<double>(size) - 0.5;
-        }
-        glm::dvec2 low = glm::min(p[0], glm::min(p[1], p[2])) - 1.0;
-        glm::dvec2 high = glm::max(p[0], glm::max(p[1], p[2])) + 1.0;
-        auto pixel = [&](double x) {
-            return static_cast<int>(std::clamp(x, 0.0, static_cast<double>(size - 1)));
-        };
-        // Edges as distances, positive inside; a chart may be mirrored.
-        auto across = [](glm::dvec2 a, glm::dvec2 b) { return a.x * b.y - a.y * b.x; };
-        double side = across(p[1] - p[0], p[2] - p[0]) < 0 ? -1 : 1;
-        for (int y = pixel(std::ceil(low.y)); y <= pixel(std::floor(high.y)); ++y)
-            for (int x = pixel(std::ceil(low.x)); x <= pixel(std::floor(high.x)); ++x) {
-                bool inside = true;
-                for (size_t i = 0; i < 3; ++i) {
-                    glm::dvec2 edge = p[(i + 1) % 3] - p[i];
-                    double distance = side * across(edge, glm::dvec2(x, y) - p[i]);
-                    if (distance < -glm::length(edge)) inside = false;
-                }
-                if (inside)
-                    covered[static_cast<size_t>(y) * static_cast<size_t>(size) +
-                            static_cast<size_t>(x)] = 1;
-            }
-    }
-    return covered;
-}
-
-// Spreads the charts' colours over what lies between them, ring by ring.
-void fillBetweenCharts(Image& image, std::vector<uint8_t> covered) {
-    auto width = static_cast<size_t>(image.width), height = static_cast<size_t>(image.height);
-    std::vector<size_t> ring;
-    for (size_t i = 0; i < covered.size(); ++i)
-        if (covered[i]) ring.push_back(i);
-    while (!ring.empty()) {
-        std::vector<size_t> next;
-        for (size_t from : ring) {
-            size_t x = from % width, y = from / width;
-            auto spread = [&](bool exists, size_t to) {
-                if (!exists || covered[to]) return;
-                covered[to] = 1;
-                std::copy_n(&image.data[3 * from], 3, &image.data[3 * to]);
-                next.push_back(to);
-            };
-            spread(x > 0, from - 1);
-            spread(x + 1 < width, from + 1);
-            spread(y > 0, from - width);
-            spread(y + 1 < height, from + width);
-        }
-        ring = std::move(next);
-    }
 }
 
 }  // namespace
@@ -309,9 +249,10 @@ GltfScene avatarScene(const Avatar& avatar, std::span<const float> bindVerts, co
     CHECK(texture != TextureKind::Refined, "an exported mesh has one texture for all views");
     bool baked = texture != TextureKind::Coarse && !avatar.bakedTexture.empty();
     CHECK(baked || texture != TextureKind::Baked, "the avatar has a baked texture");
-    scene.baseColor = toImage(baked ? avatar.bakedTexture : avatar.texture, avatar.textureSize,
-                              avatar.textureSize);
-    fillBetweenCharts(scene.baseColor, chartTexels(body, avatar.textureSize));
+    const int size = avatar.textureSize;
+    std::vector<float> colours = baked ? avatar.bakedTexture : avatar.texture;
+    spreadCharts(texelPlaces(body, size), size, colours);
+    scene.baseColor = toImage(colours, size, size);
     scene.unlit = scene.doubleSided = true;
     if (settings.shapes) scene.morphs = shapeMorphs(body, sources);
     return scene;
