@@ -480,7 +480,8 @@ TEST(Motion, AFormatIsOneDeclaration) {
     EXPECT_EQ(messageOf<InputError>([&] { readMotion(folder / "other.txt"); }),
               (folder / "other.txt").string() +
                   ": expected a motion: a .bvh, a capture's folder, a glTF animation (.glb, .gltf, "
-                  ".vrm, .vrma), a poses.npz, a still.txt or other programs' poses (AMASS, "
+                  ".vrm, .vrma), a poses.npz, a still.txt, an FBX animation (.fbx) or other "
+                  "programs' poses (AMASS, "
                   "4D-Humans, WHAM, GVHMR, ROMP, VIBE, SPIN, "
                   "EasyMocap), found another kind of file");
 }
