@@ -83,6 +83,11 @@ TEST_F(Refusals, OutputsOverSomebodysFiles) {
     fs::copy(*this / "avatar", *this / "friend", fs::copy_options::recursive);
     refuses({"mix", at("avatar"), "--top", at("friend"), "--out", at("trained")},
             "found an avatar that was trained; name another folder", 2);
+    // Nor is a mix one for a training.
+    Avatar mixed = readAvatar(*this / "friend");
+    mixed.provenance["mixed"] = "avatar";
+    writeAvatar(*this / "friend", mixed);
+    refuses(train(at("friend"), "fit"), "found a mix of avatars; name another folder", 2);
     // A file, and links, where a training is to write.
     write(*this / "notes.txt", "mine");
     refuses(train(at("notes.txt"), "fit"), "found a file in the way; name another place", 2);

@@ -130,7 +130,9 @@ Preset presetByName(std::string_view name) {
         preset.mesh.deviation = .02;
         preset.fit.sigma = 1e-6;
         preset.shape.size = preset.texels.size = 512;
-        preset.shape.steps = 400;
+        preset.shape.steps = 500;
+        preset.shape.coarse = .6;
+        preset.shape.folds = preset.texels.folds = 30;
         preset.texels.steps = 400;
         preset.texels.samples = 2;
         // Real poses are off by more than the actors', and few frames may show a texel: neither is

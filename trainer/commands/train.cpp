@@ -71,6 +71,11 @@ void runTrain(const TrainOptions& options) {
         avatar = readAvatar(options.out);
     else
         avatar.betas = capture.betas;
+    if (exists && readAvatar(options.out).provenance.contains("mixed"))
+        throwInput(
+            "{}: expected a new folder or a trained avatar's, found a mix of avatars; name another "
+            "folder",
+            options.out.string());
     bool repeats = exists && !unfinished && !options.restart && options.profileSteps == 0;
     if (repeats) finished = all ? readAvatar(options.out) : avatar;
     const bool movesPoses = std::ranges::any_of(
