@@ -179,7 +179,7 @@ TEST_F(ViewerTest, FilmsWhatIsShown) {
     fs::path film = *folder_ / "film.mp4", frames = *folder_ / "frames";
     const fs::path page = *folder_ / "film.webm";
     for (const fs::path& out : {film, frames, page}) {
-        viewer.startFilm(out, 200);
+        viewer.startFilm(out, {.size = 200});
         for (int i = 0; i < 500 && viewer.working(); ++i) viewer.frame();
         ASSERT_FALSE(viewer.working());
     }
@@ -193,15 +193,31 @@ TEST_F(ViewerTest, FilmsWhatIsShown) {
     EXPECT_GT(difference(first, last), 0.02);
     EXPECT_LT(difference(resize(readImage(frames / "0004.png"), last.width, last.height), last),
               0.1);
+    // Some of the frames, with nothing behind.
+    viewer.startFilm(*folder_ / "some", {.size = 120, .first = 1, .last = 3, .clear = true});
+    for (int i = 0; i < 500 && viewer.working(); ++i) viewer.frame();
+    EXPECT_TRUE(fs::exists(*folder_ / "some/0002.png"));
+    EXPECT_FALSE(fs::exists(*folder_ / "some/0003.png"));
+    const Image clear = readImage(*folder_ / "some/0000.png", 4),
+                seen = resize(readImage(frames / "0001.png"), clear.width, clear.height);
+    size_t covered = 0, near = 0;
+    for (size_t i = 0; i < clear.data.size() / 4; ++i) {
+        if (clear.data[4 * i + 3] < 255) continue;
+        ++covered;
+        near += std::abs(int(clear.data[4 * i + 1]) - int(seen.data[3 * i + 1])) < 24;
+    }
+    EXPECT_EQ(clear.pixel(0, 0)[3], 0);
+    EXPECT_GT(covered, clear.data.size() / 4 / 50);
+    EXPECT_LT(covered, clear.data.size() / 4 / 2);
+    EXPECT_GT(near, covered * 9 / 10);
     // What is given up leaves nothing.
-    viewer.startFilm(*folder_ / "half.mp4", 0);
+    viewer.startFilm(*folder_ / "half.mp4");
     turn(2);
     screen_->key("Escape");
     settle();
     EXPECT_FALSE(fs::exists(*folder_ / "half.mp4"));
     EXPECT_EQ(viewer.timeline(), 0);
-    EXPECT_EQ(messageOf<InputError>([&] { viewer.startFilm(*folder_ / "avatar", 0); }).empty(),
-              false);
+    EXPECT_EQ(messageOf<InputError>([&] { viewer.startFilm(*folder_ / "avatar"); }).empty(), false);
 }
 
 TEST_F(ViewerTest, WhatCannotBeReadIsSaid) {
@@ -224,7 +240,7 @@ TEST_F(ViewerTest, WhatCannotBeReadIsSaid) {
     EXPECT_GT(picture().pixel(33, 300)[2], 150) << "the others are there";
 
     // A film would have a hole.
-    viewer.startFilm(*folder_ / "hole.mp4", 64);
+    viewer.startFilm(*folder_ / "hole.mp4", {.size = 64});
     for (int i = 0; i < 500 && viewer.working(); ++i) viewer.frame();
     EXPECT_NE(viewer.message().find(missing), std::string::npos) << viewer.message();
     EXPECT_FALSE(fs::exists(*folder_ / "hole.mp4"));
@@ -256,7 +272,7 @@ TEST_F(ViewerTest, NothingDisturbsAFilm) {
     settle();
     const size_t steps = viewer.editor().steps();
     const fs::path film = *folder_ / "long.mp4";
-    viewer.startFilm(film, 64);
+    viewer.startFilm(film, {.size = 64});
     for (const char* label : {"key here", "frame", "wireframe", "frame all", "Files"}) click(label);
     click("close motion");
     ASSERT_TRUE(viewer.working()) << "the film is too short for this test";
@@ -275,7 +291,7 @@ TEST_F(ViewerTest, NothingDisturbsAFilm) {
     viewer.answer("Cancel");
     for (int i = 0; i < 500 && viewer.working(); ++i) viewer.frame();
     EXPECT_EQ(VideoReader(film).frameCount(), 60);
-    viewer.startFilm(*folder_ / "never.mp4", 64);
+    viewer.startFilm(*folder_ / "never.mp4", {.size = 64});
     turn();
     screen_->closeWindow();
     turn();

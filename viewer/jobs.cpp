@@ -1,6 +1,8 @@
 // Films and glTF files, which take many turns of the window.
 #include <GLFW/glfw3.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <future>
 
@@ -12,6 +14,31 @@
 
 namespace doppel {
 namespace fs = std::filesystem;
+
+namespace {
+
+// Straight alpha of what was drawn over black and over white, whose difference is what is not
+// covered: white - black = 255 (1 - alpha), black = alpha colour.
+Image withAlpha(const std::vector<uint32_t>& black, const std::vector<uint32_t>& white, int width,
+                int height) {
+    Image image(width, height, 4);
+    for (size_t i = 0; i < black.size(); ++i) {
+        int uncovered = 0;
+        std::array<int, 3> colour{};
+        for (size_t c = 0; c < 3; ++c) {
+            colour[c] = int(black[i] >> 8 * c & 255);
+            uncovered += int(white[i] >> 8 * c & 255) - colour[c];
+        }
+        const int alpha = std::clamp(255 - (uncovered + 1) / 3, 0, 255);
+        for (size_t c = 0; c < 3; ++c)
+            image.data[4 * i + c] =
+                alpha > 0 ? uint8_t(std::min(255, (colour[c] * 255 + alpha / 2) / alpha)) : 0;
+        image.data[4 * i + 3] = uint8_t(alpha);
+    }
+    return image;
+}
+
+}  // namespace
 
 // What plays, as it is seen: the motion with what was edited, the keys, or the pose alone.
 Motion Viewer::shownMotion() const {
@@ -33,20 +60,26 @@ Motion Viewer::shownMotion() const {
     return motion;
 }
 
-void Viewer::startFilm(const fs::path& out, int size) {
+void Viewer::startFilm(const fs::path& out, const FilmSettings& settings) {
     if (film_) throwInput("a film is being drawn already");
     if (panes_.empty()) throwInput("there is no picture to film");
     Pane pane = panes_.back();
-    if (size > 0) {
-        double scale = static_cast<double>(size) / std::max(pane.width, pane.height);
+    if (settings.size > 0) {
+        double scale = static_cast<double>(settings.size) / std::max(pane.width, pane.height);
         pane.width = std::max(16, static_cast<int>(pane.width * scale));
         pane.height = std::max(16, static_cast<int>(pane.height * scale));
     }
-    film_ = std::unique_ptr<FilmJob>(new FilmJob{.out = out,
-                                                 .pictures = {out, pane.width, pane.height, fps()},
-                                                 .pane = pane,
-                                                 .count = frameCount(),
-                                                 .timelineBefore = timeline_});
+    const int64_t end = frameCount() - 1, first = std::clamp<int64_t>(settings.first, 0, end),
+                  last = settings.last < 0 ? end : std::clamp<int64_t>(settings.last, first, end);
+    const VideoOptions video{.alpha = settings.clear};
+    film_ = std::unique_ptr<FilmJob>(
+        new FilmJob{.out = out,
+                    .pictures = {out, pane.width, pane.height, fps(), video},
+                    .pane = pane,
+                    .clear = settings.clear,
+                    .first = first,
+                    .count = last - first + 1,
+                    .timelineBefore = timeline_});
     playing_ = false;
 }
 
@@ -107,7 +140,7 @@ float Viewer::filmProgress() const {
 void Viewer::advanceFilm() {
     try {
         FilmJob& film = *film_;
-        timeline_ = static_cast<double>(film.next);
+        timeline_ = static_cast<double>(film.first + film.next);
         if (frameCount() > 1) showTime();
         Pose pose = editor_->pose();
         scene_->setPose(thetaOf(pose), transOf(pose), editor_->betas());
@@ -122,15 +155,24 @@ void Viewer::advanceFilm() {
         }
         film.asked = false;
         useTexture(film.pane.texture);
-        std::span<const uint32_t> background = behind(film.pane);
         ShadeOptions shade = shadeOptions(film.pane);
         shade.blueFirst = false;
-        std::vector<uint32_t> pixels =
-            scene_->draw(film.pane.mesh, cameraOf(film.pane), view(), shade, background, 2);
-        Image image(film.pane.width, film.pane.height, 3);
-        for (size_t i = 0; i < pixels.size(); ++i)
-            for (size_t c = 0; c < 3; ++c)
-                image.data[3 * i + c] = static_cast<uint8_t>(pixels[i] >> 8 * c);
+        const auto drawn = [&](std::span<const uint32_t> background) {
+            return scene_->draw(film.pane.mesh, cameraOf(film.pane), view(), shade, background, 2);
+        };
+        Image image;
+        if (film.clear) {
+            const size_t pixels = size_t(film.pane.width) * size_t(film.pane.height);
+            image = withAlpha(drawn(std::vector<uint32_t>(pixels, 0xff000000)),
+                              drawn(std::vector<uint32_t>(pixels, 0xffffffff)), film.pane.width,
+                              film.pane.height);
+        } else {
+            image = Image(film.pane.width, film.pane.height, 3);
+            const std::vector<uint32_t> pixels = drawn(behind(film.pane));
+            for (size_t i = 0; i < pixels.size(); ++i)
+                for (size_t c = 0; c < 3; ++c)
+                    image.data[3 * i + c] = static_cast<uint8_t>(pixels[i] >> 8 * c);
+        }
         film.pictures.add(image);
         if (++film.next < film.count) return;
         film.pictures.finish();

@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "engine/error.h"
+#include "engine/io/films/kinds.h"
 #include "viewer/viewer.h"
 #include "viewer/widgets.h"
 
@@ -290,6 +291,46 @@ void Viewer::drawShapeTab() {
         editor.resetBetas();
 }
 
+void Viewer::drawFilmControls(bool enabled) {
+    static const std::vector<std::string> kNames = [] {
+        std::vector<std::string> names;
+        for (const VideoKind& kind : videoKinds())
+            names.push_back(fmt::format("{}, {}", kind.ending, kind.codec));
+        names.emplace_back("pictures, PNG");
+        return names;
+    }();
+    std::vector<Choice> kinds;
+    for (const std::string& name : kNames) kinds.push_back({name.c_str(), number(kinds.size())});
+    choose("film as", "The kind of file.", kinds.data(), kinds.size(), filmKind_);
+    const bool files = size_t(filmKind_) >= videoKinds().size();
+    const bool keepsAlpha = files || videoKinds()[size_t(filmKind_)].keepsAlpha();
+    constexpr Choice kSizes[] = {{"as in the window", 0}, {"480", 480},   {"720", 720},
+                                 {"1080", 1080},          {"1920", 1920}, {"3840", 3840}};
+    choose("film size", "Pixels of the longer side.", kSizes, filmSettings_.size);
+    if (const int end = int(frameCount()) - 1; end > 0) {
+        int first = std::min(filmSettings_.first, end),
+            last = filmSettings_.last < 0 ? end : std::min(filmSettings_.last, end);
+        if (slider("first frame", "Of the film.", first, 0, end, "%d"))
+            filmSettings_.first = first, last = std::max(first, last);
+        if (slider("last frame", "Of the film, which has it too.", last, 0, end, "%d"))
+            filmSettings_.first = std::min(filmSettings_.first, last);
+        filmSettings_.last = last == end ? -1 : last;
+    }
+    ImGui::BeginDisabled(!keepsAlpha);
+    bool clear = filmSettings_.clear && keepsAlpha;
+    if (checkbox("nothing behind", "Transparent, for programs that put something there.", clear))
+        filmSettings_.clear = clear;
+    ImGui::EndDisabled();
+    if (button("film", "Draws these frames as they are seen.", enabled))
+        attempt([&] {
+            FilmSettings asked = filmSettings_;
+            asked.clear = clear;
+            startFilm(files ? freeName("doppel-frames", "")
+                            : freeName("doppel", videoKinds()[size_t(filmKind_)].ending),
+                      asked);
+        });
+}
+
 void Viewer::drawFilesTab() {
     ImGui::BeginDisabled(film_ != nullptr);
     words(
@@ -343,11 +384,7 @@ void Viewer::drawFilesTab() {
         "Written into the folder that the viewer was started in; nothing that is there is "
         "overwritten.");
     const bool free = !working();
-    if (button("film, .mp4", "All frames of the timeline as a film.", free))
-        attempt([&] { startFilm(freeName("doppel", ".mp4"), 0); });
-    beside("pictures, PNG");
-    if (button("pictures, PNG", "All frames of the timeline as pictures.", free))
-        attempt([&] { startFilm(freeName("doppel-frames", ""), 0); });
+    drawFilmControls(free);
     if (button("glTF, .glb", "Avatar and motion for other programs.", free))
         attempt([&] { startExport(freeName("doppel", ".glb")); });
     beside("poses, .npz");

@@ -20,6 +20,7 @@
 #include "trainer/motion/retarget/retarget.h"
 #include "viewer/inspect/inspected.h"
 #include "viewer/inspect/sightings.h"
+#include "viewer/job.h"
 #include "viewer/live_avatar.h"
 #include "viewer/picture/orbit_camera.h"
 #include "viewer/picture/painter.h"
@@ -76,8 +77,7 @@ struct ViewSettings {
     bool operator==(const ViewSettings&) const = default;
 };
 
-struct FilmJob;  // job.h
-struct ExportJob;
+struct ExportJob;  // job.h
 
 class Viewer {
 public:
@@ -159,7 +159,7 @@ public:
     // is not saved.
     void openFile(const std::filesystem::path& path);
     void loadPicture(const std::filesystem::path& path);
-    void startFilm(const std::filesystem::path& out, int size);
+    void startFilm(const std::filesystem::path& out, const FilmSettings& settings = {});
     void startExport(const std::filesystem::path& out);
     void cancelFilm();
     float filmProgress() const;
@@ -362,6 +362,7 @@ private:
     void drawPoseTab();
     void drawShapeTab();
     void drawFilesTab();
+    void drawFilmControls(bool enabled);
 
     ViewerOptions options_;
     LiveAvatar source_;
@@ -463,6 +464,8 @@ private:
 
     // Long jobs.
     std::unique_ptr<FilmJob> film_;
+    FilmSettings filmSettings_;  // of the panel
+    int filmKind_ = 0;           // of videoKinds(), and behind them a folder of pictures
     std::unique_ptr<ExportJob> export_;
     std::array<char, 512> pathText_{};
 
