@@ -441,6 +441,11 @@ TEST(CommandLine, HelpShowsAnExample) {
             << one.out;
         EXPECT_NE(one.out.find("--device"), std::string::npos);
     }
+    // The list has a line for each, and each command's own help says more.
+    EXPECT_NE(all.out.find("Dress an avatar with the clothes, hair or head of others"),
+              std::string::npos);
+    EXPECT_EQ(all.out.find("Makes one avatar of several"), std::string::npos);
+    EXPECT_NE(run({"mix", "--help"}).out.find("Makes one avatar of several"), std::string::npos);
     EXPECT_NE(run({"--version"}).out.find("doppel 0."), std::string::npos);
     // The numbers of the presets, whatever else the command would need.
     for (const char* command : {"fit", "train", "ablate"}) {

@@ -8,8 +8,10 @@
 #include <filesystem>
 #include <iostream>
 #include <map>
+#include <memory>
 #include <new>
 #include <optional>
+#include <sstream>
 
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
@@ -48,6 +50,18 @@ struct Subcommand {
         flags.path("--config", config, "TOML file with options as keys; flags win over it")
             ->group("Common");
         finish = entry.declare(flags);
+    }
+};
+
+// The list of commands has a line of each; what there is to say of it stands in its own help.
+class Overview : public CLI::Formatter {
+public:
+    std::string make_subcommand(const CLI::App* command) const override {
+        std::ostringstream line;
+        for (const CommandEntry& entry : CommandEntry::all())
+            if (entry.name == command->get_name())
+                CLI::detail::format_help(line, entry.name, entry.summary, column_width_);
+        return line.str();
     }
 };
 
@@ -158,6 +172,7 @@ struct CommandLine {
     std::map<std::string, Subcommand> commands;
 
     CommandLine() {
+        app.formatter(std::make_shared<Overview>());
         app.require_subcommand(1);
         app.set_version_flag("--version", std::string("doppel ") + kVersion);
         std::string footer;
