@@ -191,6 +191,7 @@ TEST(Child, MayDie) {
     };
     EXPECT_EQ(with([] { std::raise(SIGKILL); }), kDead);
     EXPECT_EQ(with([] { std::_Exit(3); }), kDead);
+    EXPECT_EQ(with([] { throw std::bad_alloc(); }), kDead);
 }
 
 }  // namespace

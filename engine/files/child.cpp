@@ -47,9 +47,11 @@ void sendAll(int to, const void* data, size_t size) {
     uint8_t kind = kResult;
     try {
         message = work();
-    } catch (const std::exception& error) {
+    } catch (const InputError& error) {
         kind = kError;
         message.assign(error.what(), error.what() + std::strlen(error.what()));
+    } catch (...) {  // out of memory, say
+        _exit(1);
     }
     sendAll(to, &kind, 1);
     sendAll(to, message.data(), message.size());
@@ -78,7 +80,7 @@ std::vector<uint8_t> inChild(const std::string& where, const std::string& expect
     while (true) {
         const ssize_t count = read(ends[0], part.data(), part.size());
         if (count < 0 && errno == EINTR) continue;
-        if (count <= 0) break;
+        if (count <= 0 || message.size() > kBytes) break;
         message.insert(message.end(), part.begin(), part.begin() + count);
     }
     close(ends[0]);

@@ -8,10 +8,10 @@
 
 namespace doppel {
 
-// Does the work in a child process and returns its bytes. What it throws is thrown here as an
-// InputError of the same text. InputError "WHERE: expected …, found one that its reader does not
-// survive" where the child crashes, or takes more than a minute of processor or 4 GiB of memory
-// besides what this process has. MachineError where there can be no child.
+// Does the work in a child process and returns its bytes. An InputError that it throws is
+// thrown here. InputError "WHERE: expected …, found one that its reader does not
+// survive" where the child crashes, throws anything else, or takes more than a minute of processor
+// or 4 GiB of memory besides what this process has. MachineError where there can be no child.
 //
 // Other threads do not exist in the child: the work takes none of their locks, and draws nothing.
 std::vector<uint8_t> inChild(const std::string& where, const std::string& expected,

@@ -1,13 +1,14 @@
 #include "engine/io/fbx_nodes.h"
 
 #include <assimp/config.h>
-#include <assimp/postprocess.h>
 #include <assimp/scene.h>
 
 #include <algorithm>
 #include <assimp/Importer.hpp>
 #include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <span>
 
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
@@ -174,7 +175,7 @@ GltfNodes nodesOf(const Json& json, const std::string& where) {
                 normalise(&channel.values[4 * k], where + ": animations");
             clip.channels.push_back(std::move(channel));
         }
-        file.clips.push_back(std::move(clip));
+        if (!clip.channels.empty()) file.clips.push_back(std::move(clip));
     }
     for (const Json& joint : json.at("joints")) {
         file.joints.push_back(joint);

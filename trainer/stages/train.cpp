@@ -5,8 +5,6 @@
 #include <algorithm>
 #include <span>
 
-#include "engine/io/image.h"
-#include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/avatar/rendering.h"
 #include "trainer/avatar/training_poses.h"
@@ -30,7 +28,6 @@ private:
     uint64_t hash_ = 0xcbf29ce484222325u;
 };
 
-// The avatar standing, from the front and from a side.
 // What a run is asked for: all that its result depends on, but the pictures themselves.
 using Asked = std::map<std::string, std::string>;
 

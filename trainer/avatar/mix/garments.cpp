@@ -55,7 +55,7 @@ constexpr Costs kFace = {0, 6, kNever, kNever, kNever};  // besides
 class ColourMixture {
 public:
     explicit ColourMixture(std::vector<glm::dvec3> colours) {
-        // From light to dark, a quarter each, where clusters begin.
+        // From dark to light, a quarter each, where clusters begin.
         std::ranges::stable_sort(colours, {}, &glm::dvec3::x);
         std::vector<size_t> cluster(colours.size());
         for (size_t i = 0; i < colours.size(); ++i) cluster[i] = i * kClusters / colours.size();

@@ -33,8 +33,8 @@ struct Mix {
 
 // Hair lies over a top, a top over shoes and a bottom. Where two avatars' clothes do not cover
 // what was under the base's, skin is shown that one of them shows there, and else what is around.
-// Skin of all has the colours of the head giver's. Over a seam offsets go over
-// into each other within some 3 cm, colours within a third of a triangle.
+// Skin of all has the colours of the head giver's. Over a seam offsets go over into each other
+// within some 3 cm; colours change where the upper garment's picture does, within a triangle.
 //
 // The texture is fixed, of each avatar's baked one where it has one: networks paint one person, and
 // the avatar has none. InputError, naming the body's files, where they are not of one body model.
