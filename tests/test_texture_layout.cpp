@@ -1,5 +1,9 @@
 #include "nn/ops/texture.h"
 
+#include <array>
+#include <cmath>
+#include <random>
+
 #include "tests/op_test.h"
 
 namespace doppel {
@@ -49,6 +53,89 @@ TEST(Texture, BinomialMean) {
         const Value expected = reference({{"x", x}}).at("y");
         for (size_t i = 0; i < host.size(); ++i) EXPECT_NEAR(host[i], expected.data[i], 1e-6);
     }
+}
+
+// Random normals, zero at one vertex; texels in a face, on its edge, at a corner and between the
+// charts.
+TEST(Texture, UnderALight) {
+    auto reference = [](const Values& v) -> Values {
+        const Value &texture = v.at("texture"), &light = v.at("light"), &normals = v.at("normals");
+        const Value &faces = v.at("faces"), &corners = v.at("texel_corners");
+        Value lit = texture;
+        for (size_t t = 0; t < v.at("texel_faces").data.size(); ++t) {
+            const double face = v.at("texel_faces").data[t];
+            std::array<double, 3> n{};
+            if (face >= 0)
+                for (size_t k = 0; k < 3; ++k) {
+                    const double first = corners.data[2 * t], second = corners.data[2 * t + 1];
+                    const double share = k == 0 ? 1 - first - second : k == 1 ? first : second;
+                    const auto vertex = size_t(faces.data[3 * size_t(face) + k]);
+                    for (size_t d = 0; d < 3; ++d) n[d] += share * normals.data[3 * vertex + d];
+                }
+            const double size = std::hypot(n[0], n[1], n[2]);
+            std::array<double, 9> y{1};
+            if (size > 1e-6) {
+                const double a = n[0] / size, b = n[1] / size, c = n[2] / size;
+                const double k1 = std::sqrt(3), k2 = std::sqrt(15);
+                y = {1,
+                     k1 * b,
+                     k1 * c,
+                     k1 * a,
+                     k2 * a * b,
+                     k2 * b * c,
+                     std::sqrt(5) / 2 * (3 * c * c - 1),
+                     k2 * a * c,
+                     k2 / 2 * (a * a - b * b)};
+            }
+            for (size_t c = 0; c < 3; ++c) {
+                double factor = 0;
+                for (size_t k = 0; k < 9; ++k) factor += y[k] * light.data[3 * k + c];
+                lit.data[3 * t + c] *= factor;
+            }
+        }
+        return {{"lit", lit}};
+    };
+    std::mt19937 draw(7);
+    for (int64_t side : {1, 5, 33, 80}) {  // 80: more texels than partial sums
+        Value normals = random({5, 3}, 3);
+        for (size_t v = 0; v < 5; ++v) {
+            double* n = &normals.data[3 * v];
+            const double size = v == 4 ? INFINITY : std::hypot(n[0], n[1], n[2]);
+            for (size_t d = 0; d < 3; ++d) n[d] /= size;
+        }
+        std::vector<int> faces;
+        Value corners{{side, side, 2}, {}};
+        for (int64_t t = 0; t < side * side; ++t) {
+            faces.push_back(int(draw() % 4) - 1);
+            const double first = t % 7 == 0 ? 0 : double(draw() % 1000) / 2000;
+            corners.data.insert(corners.data.end(), {first, t % 5 == 0 ? 1 - first : .3});
+        }
+        checkOp("lit_texture",
+                {.inputs = {{"texture", random({side, side, 3})},
+                            {"light", random({9, 3}, 2)},
+                            {"normals", normals},
+                            {"texel_corners", corners}},
+                 .integers = {{"faces", indices({3, 3}, {0, 1, 2, 2, 1, 3, 4, 4, 4})},
+                              {"texel_faces", indices({side, side}, faces)}},
+                 .reference = reference});
+    }
+    expectInputError(
+        [] {
+            Op::find("lit_texture")
+                ->run(testDevice(),
+                      [] {
+                          Npz arrays;
+                          arrays.set("texture", Array::f32({1, 1, 3}, std::vector<float>(3)));
+                          arrays.set("light", Array::f32({9, 3}, std::vector<float>(27)));
+                          arrays.set("normals", Array::f32({3, 3}, std::vector<float>(9)));
+                          arrays.set("faces", Array::i32({1, 3}, std::vector<int32_t>{0, 1, 2}));
+                          arrays.set("texel_faces", Array::i32({1, 1}, std::vector<int32_t>{1}));
+                          arrays.set("texel_corners", Array::f32({1, 1, 2}, std::vector<float>(2)));
+                          return arrays;
+                      }(),
+                      {});
+        },
+        "texel_faces: expected numbers from -1 to 0, found 1");
 }
 
 // Shape [N,C r r,H,W] either way, and there and back again.

@@ -1,10 +1,12 @@
 #include "nn/ops/texture.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 
 #include "engine/files/numbers.h"
 #include "nn/core/op.h"
+#include "nn/ops/raster.h"
 #include "texture/params.h"
 
 namespace doppel {
@@ -110,6 +112,64 @@ std::vector<float> binomialMean(const std::vector<float>& x, int64_t height, int
     return y;
 }
 
+TexelTensors texelTensors(Graph& graph, std::span<const TexelPlace> places) {
+    const auto side = static_cast<int64_t>(std::lround(std::sqrt(places.size())));
+    std::vector<int32_t> faces;
+    std::vector<float> corners;
+    for (const TexelPlace& place : places) {
+        faces.push_back(place.face);
+        corners.insert(corners.end(), {place.corners[1], place.corners[2]});
+    }
+    return {graph.constant(std::span<const int32_t>(faces), {side, side}),
+            graph.constant(std::span<const float>(corners), {side, side, 2})};
+}
+
+Tensor litTexture(Graph& graph, const Tensor& texture, const Tensor& light, const Tensor& normals,
+                  const Tensor& faceVertices, const TexelTensors& texels) {
+    CHECK(texture.shape.size() == 3 && texture.dim(2) == 3, "a texture is [T,T,3], not {}",
+          toString(texture.shape));
+    CHECK(light.shape == (Shape{9, 3}), "a light is [9,3], not {}", toString(light.shape));
+    CHECK(3 * texels.faces.elements() == texture.elements(), "a texel has a place");
+    constexpr uint32_t kMostPartials = 4096;
+    const uint32_t count = u32(texels.faces.elements());
+    const LitTextureParams params{count, std::min(count, kMostPartials)};
+    Tensor lit = graph.temporary(texture.shape), factors = graph.temporary(texture.shape);
+    graph.beginOp("lit_texture");
+    graph.dispatch("texture/lit_texture.forward",
+                   {{"tex", texture},
+                    {"light", light},
+                    {"normals", normals},
+                    {"faces", faceVertices},
+                    {"texelFaces", texels.faces},
+                    {"texelCorners", texels.corners},
+                    {"factors", factors},
+                    {"lit", lit}},
+                   params, count);
+    graph.differentiate({texture, light}, {lit}, [=, &graph] {
+        const Tensor dLit = graph.gradient(lit);
+        if (graph.wantsGradient(texture))
+            graph.dispatch(
+                "texture/lit_texture.backward_texture",
+                {{"factors", factors}, {"dLit", dLit}, {"lit", graph.gradientTarget(texture)}},
+                params, count);
+        if (!graph.wantsGradient(light)) return;
+        Tensor partial = graph.temporary({9, params.partials, 3});
+        graph.dispatch("texture/lit_texture.backward_partial",
+                       {{"tex", texture},
+                        {"normals", normals},
+                        {"faces", faceVertices},
+                        {"texelFaces", texels.faces},
+                        {"texelCorners", texels.corners},
+                        {"dLit", dLit},
+                        {"partial", partial}},
+                       params, params.partials);
+        graph.dispatchGroups("texture/lit_texture.backward_light",
+                             {{"partial", partial}, {"dLight", graph.gradientTarget(light)}},
+                             params, {9, 1, 1});
+    });
+    return lit;
+}
+
 static const Op kInterleave{{
     .name = "interleave",
     .inputs = "x[C,H,W]",
@@ -155,6 +215,24 @@ static const Op kBinomialMean{{
     .outputs = "y",
     .differentiable = "x",
     .build = [](OpCall& c) { c.result("y", binomialMean(c.graph, c["x"])); },
+}};
+
+static const Op kLitTexture{{
+    .name = "lit_texture",
+    .inputs = "texture[T,T,3] light[9,3] normals[V,3] faces:i32[F,3] texel_faces:i32[T,T] "
+              "texel_corners[T,T,2]",
+    .outputs = "lit",
+    .differentiable = "texture light",
+    .build =
+        [](OpCall& c) {
+            const RasterMesh mesh = rasterMesh(c.graph, c.ints("faces"), c["normals"].dim(0));
+            for (int32_t face : c.ints("texel_faces"))
+                if (face < -1 || face >= mesh.faces)
+                    throwInput("texel_faces: expected numbers from -1 to {}, found {}",
+                               mesh.faces - 1, face);
+            c.result("lit", litTexture(c.graph, c["texture"], c["light"], c["normals"],
+                                       mesh.faceVertices, {c["texel_faces"], c["texel_corners"]}));
+        },
 }};
 
 }  // namespace doppel

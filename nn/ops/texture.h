@@ -1,8 +1,10 @@
 // Textures: channels side by side, [H,W,C], as the rasterizer takes them.
 #pragma once
 
+#include <span>
 #include <vector>
 
+#include "nn/body/texel_places.h"
 #include "nn/core/graph.h"
 
 namespace doppel {
@@ -23,5 +25,18 @@ Tensor binomialMean(Graph& graph, const Tensor& x);
 // The same on the host.
 std::vector<float> binomialMean(const std::vector<float>& x, int64_t height, int64_t width,
                                 int64_t channels);
+
+// Where texels lie on a mesh, as constants of a graph.
+struct TexelTensors {
+    Tensor faces;    // [T,T] int32; -1: between the charts
+    Tensor corners;  // [T,T,2] the second and third barycentrics
+};
+TexelTensors texelTensors(Graph& graph, std::span<const TexelPlace> places);
+
+// A texture [T,T,3] under a light [9,3] of spherical harmonics (shaders/texture/lit_texture.comp),
+// on a mesh with these normals [V,3], which are unit or zero. faceVertices [F,4]: as RasterMesh's.
+// Gradients to texture and light; normals are constants of it.
+Tensor litTexture(Graph& graph, const Tensor& texture, const Tensor& light, const Tensor& normals,
+                  const Tensor& faceVertices, const TexelTensors& texels);
 
 }  // namespace doppel

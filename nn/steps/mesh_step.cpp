@@ -7,6 +7,7 @@
 #include "nn/ops/loss.h"
 #include "nn/ops/mesh.h"
 #include "nn/ops/surface.h"
+#include "nn/steps/light.h"
 
 namespace doppel {
 
@@ -53,7 +54,7 @@ Tensor MeshNetwork::refine(const LbsModel& skin, const ShapedBody& shaped, const
 
 MeshStep::MeshStep(Device& device, const BodyModel& body, const std::array<float, 10>& betas,
                    const Parameters& net, const MeshPreset& preset, const CompileOptions& options,
-                   std::span<const float> texels)
+                   std::span<const float> texels, std::span<const float> light)
     : graph(device) {
     MeshNetwork network = meshNetwork(graph, body, meshNetConfig(preset), preset.clamps, net);
     LbsModel skin = lbsModel(graph, body);
@@ -65,11 +66,14 @@ MeshStep::MeshStep(Device& device, const BodyModel& body, const std::array<float
     const bool bounded = preset.stay > 0 || preset.smooth > 0;
     const bool coloured = edges && preset.colour > 0 && !texels.empty();
     SurfaceLook look;
+    Tensor albedo;
+    std::optional<CaptureLight> lights;
     if (coloured) {
         const auto side = static_cast<int64_t>(std::lround(std::sqrt(texels.size() / 3)));
         Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
         look.atlas = rasterAtlas(graph, uvs, body.uvFaces);
-        look.texture = graph.constant(texels, {side, side, 3});
+        albedo = graph.constant(texels, {side, side, 3});
+        lights.emplace(graph, body, faces, side, light);
     }
     for (int i = 0; i < preset.batch; ++i) {
         Sample sample{graph.input(kCameraShape),
@@ -93,6 +97,7 @@ MeshStep::MeshStep(Device& device, const BodyModel& body, const std::array<float
                 sample.image = graph.input({size, size, 3});
                 sample.background = graph.input({size, size, 3});
                 look.background = sample.background;
+                look.texture = lights->lit(albedo, verts);
             }
             SurfaceRender drawn = surfaceRender(graph, faces, verts, sample.camera,
                                                 coloured ? &look : nullptr, size, size);

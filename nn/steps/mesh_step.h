@@ -97,10 +97,11 @@ struct MeshStep {
     std::vector<Sample> samples;
 
     // net: as declared by addMeshNetParameters() and allocated; outlives the step. texels
-    // [size,size,3]: what the body is drawn with where colours count; empty: they do not.
+    // [size,size,3]: what the body is drawn with where colours count; empty: they do not. light:
+    // what lights them (nn/steps/light.h).
     MeshStep(Device& device, const BodyModel& body, const std::array<float, 10>& betas,
              const Parameters& net, const MeshPreset& preset, const CompileOptions& options = {},
-             std::span<const float> texels = {});
+             std::span<const float> texels = {}, std::span<const float> light = {});
 };
 
 }  // namespace doppel

@@ -7,6 +7,7 @@
 #include "nn/ops/gan.h"
 #include "nn/ops/loss.h"
 #include "nn/ops/texture.h"
+#include "nn/steps/light.h"
 
 namespace doppel {
 
@@ -108,17 +109,21 @@ RefineStep::RefineStep(Device& device, const BodyModel& body, const RefinePreset
                        {.training = true, .dropout = preset.dropout > 0}, preset.residual);
     std::vector<Tensor> textures = interleave(graph, refined);
 
+    const CaptureLight light(graph, body, mesh, texels, coarse.light);
     std::vector<Tensor> renders, images, regions, masks;
     for (int64_t n = 0; n < batch; ++n) {
         const Sample& sample = samples[size_t(n)];
         VisibilityBuffer visible =
             visibilityBuffer(graph, mesh, sample.verts, sample.camera, size, size);
-        Tensor render = texturedRender(graph, visible, atlas, textures[size_t(n)]);
+        auto drawn = [&](const Tensor& texture) {
+            return texturedRender(graph, visible, atlas, light.lit(texture, sample.verts));
+        };
+        Tensor render = drawn(textures[size_t(n)]);
         Tensor region = regionOf(graph, preset.region, visible.mask, sample.mask);  // B
         // C
         Tensor apart = misalignedRegion(graph, visible.mask, sample.mask, faceCentres, n,
                                         preset.faceSize, preset.apart == Misalignment::Rendered);
-        Tensor before = texturedRender(graph, visible, atlas, coarseTextures[size_t(n)]);
+        Tensor before = drawn(coarseTextures[size_t(n)]);
         // L_r = α1 ‖(I − Î^RN) ⊗ B‖₁/‖B‖₁ + α2 ‖(Î^TN − Î^RN) ⊗ C‖₁/‖C‖₁
         losses.term("reconstruction", preset.reconstruction,
                     maskedL1Loss(graph, render, sample.image, region));

@@ -73,6 +73,7 @@ Tensor refineTextures(Graph& graph, const TextureUnet& generator, const Tensor& 
 struct CoarseTexture {
     const TextureUnet* net = nullptr;
     std::vector<float> texture;  // [T,T,3], where there is no net
+    std::vector<float> light;    // what lights them, and what refines them (nn/steps/light.h)
 };
 
 // One step: D1 and D2 are updated on the frames and on what G_RN paints, then G_RN against the new

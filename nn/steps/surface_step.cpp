@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <functional>
+#include <optional>
 
 #include <glm/geometric.hpp>
 #include <glm/vec3.hpp>
@@ -14,6 +15,7 @@
 #include "nn/ops/mesh.h"
 #include "nn/ops/texture.h"
 #include "nn/steps/fit_step.h"
+#include "nn/steps/light.h"
 
 namespace doppel {
 
@@ -65,7 +67,11 @@ SurfaceState::SurfaceState(Device& device, const BodyModel& body, SurfaceStart f
     offsets.add("offsets", {V, 3}, start.offsets);
     if (!start.texels.empty())
         texels.add("texels", {texture, texture, 3}, std::vector<float>(start.texels.size()));
-    for (Parameters* parameters : {&corrections, &offsets, &texels})
+    if (!start.texels.empty() && start.movesTexels && preset.lrLight > 0) {
+        if (start.light.empty()) start.light.resize(kLightNumbers);
+        light.add("light", {kLightRows, 3}, start.light);
+    }
+    for (Parameters* parameters : {&corrections, &offsets, &texels, &light})
         if (!parameters->entries().empty()) parameters->allocate(device);
 }
 
@@ -78,6 +84,7 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
     const int64_t size = preset.size, V = body.vertexCount, texture = start.textureSize;
     const bool coloured = !start.texels.empty();
     const bool movesTexels = coloured && start.movesTexels;
+    const bool movesLight = !state.light.entries().empty();
 
     // What all frames share.
     MeshTensors mesh = meshTensors(graph, meshTopology(body.faces, V, body.file));
@@ -97,6 +104,12 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
             look.texture =
                 add(graph, look.texture, binomialMean(graph, graph.parameter(texels, "texels")));
     }
+    const Tensor albedo = look.texture;
+    std::optional<CaptureLight> light;
+    if (movesLight)
+        light.emplace(graph, body, faces, texture, graph.parameter(state.light, "light"));
+    else if (coloured)
+        light.emplace(graph, body, faces, texture, start.light);
 
     constexpr uint32_t kFrameWord = offsetof(StepParams, frame) / 4;
     Tensor table = graph.attach(corrections.section(Parameters::kValues), {frames, kPoseRow});
@@ -131,6 +144,7 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
             look.background = sample.background;
             look.teaches = sample.mask;
             look.facing = static_cast<float>(preset.facing);
+            look.texture = light->lit(albedo, posed.verts);
         }
         SurfaceRender drawn = surfaceRender(graph, faces, posed.verts, sample.camera,
                                             coloured ? &look : nullptr, size, size, drawing);
@@ -172,7 +186,7 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
         Tensor ones = graph.constant(std::vector<float>(count, 1.0f), {texture, texture});
         Tensor mean = graph.constant(std::vector<float>{1 / static_cast<float>(3 * count)}, {1});
         losses.term("texels", preset.stayTexels,
-                    pyramidLoss(graph, look.texture, first, ones, mean, {.cell1 = 1}));
+                    pyramidLoss(graph, albedo, first, ones, mean, {.cell1 = 1}));
     }
     graph.backward(losses.sum());
 
@@ -195,6 +209,7 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
             withRate(kSurfaceOptimiser, preset.lrOffsets));
     }
     if (movesTexels) adamwStep(graph, texels, withRate(kSurfaceOptimiser, preset.lrTexels));
+    if (movesLight) adamwStep(graph, state.light, withRate(kLightOptimiser, preset.lrLight));
     graph.step();  // is written whether offsets or texels move or not
     graph.compile(options);
 }
@@ -206,6 +221,10 @@ std::vector<float> SurfaceState::poses() const {
 
 std::vector<float> SurfaceState::offsetValues() const {
     return offsets.read(*offsets.find("offsets"));
+}
+
+std::vector<float> SurfaceState::lightValues() const {
+    return light.entries().empty() ? start.light : light.read(*light.find("light"));
 }
 
 std::vector<float> SurfaceState::texelValues() const {

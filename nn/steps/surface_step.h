@@ -33,6 +33,7 @@ namespace doppel {
            "m per step of the vertex that moves most, before it "                                \
            "is smoothed")                                                                        \
     NUMBER(double, lrTexels, .015, 0, 10, "of 1, per step and texel")                            \
+    NUMBER(double, lrLight, 0, 0, 10, "of 1, per step, of the capture's light; 0: none learned") \
     NUMBER(double, silhouette, 1, 0, kNoLimit, "w_s, weight of the silhouettes' loss")           \
     NUMBER(double, silhouette1, 2, 0, kNoLimit, "weight in it of single pixels")                 \
     NUMBER(double, silhouette2, 1, 0, kNoLimit, "weight in it of cells of 2 pixels a side")      \
@@ -66,6 +67,7 @@ struct SurfaceStart {
     std::vector<float> offsets;  // [V,3]; empty: none yet
     std::vector<float> texels;   // [size,size,3]; empty: silhouettes alone
     int textureSize = 0;
+    std::vector<float> light;  // L [8,3] (nn/steps/light.h); empty: none, or none yet
     bool movesPoses = true, movesOffsets = true, movesTexels = true;
     bool video = false;  // neighbouring frames tell about each other
 };
@@ -73,6 +75,8 @@ struct SurfaceStart {
 // A frame comes by seldom: shorter memories than networks have, and nothing that pulls to zero.
 inline constexpr AdamWOptions kSurfaceOptimiser{.beta1 = .9f, .beta2 = .99f, .weightDecay = 0};
 inline constexpr AdamWOptions kPoseOptimiser{.beta1 = .9f, .beta2 = .97f, .weightDecay = 0};
+// What no frame tells of the light is zero: people who do not turn show it from one side.
+inline constexpr AdamWOptions kLightOptimiser{.beta1 = .9f, .beta2 = .99f, .weightDecay = .1f};
 
 // What steps move. One state may be moved by steps over crops of several sizes, one after another.
 struct SurfaceState {
@@ -81,6 +85,7 @@ struct SurfaceState {
     // texels [size,size,3]: what their mean over neighbours (nn/ops/texture.h) adds to those at the
     // start, for a picture tells nothing finer.
     Parameters corrections, offsets, texels;
+    Parameters light;  // of nothing unless it is learned
 
     SurfaceState(Device& device, const BodyModel& body, SurfaceStart start,
                  const SurfacePreset& preset);
@@ -89,6 +94,7 @@ struct SurfaceState {
     std::vector<float> poses() const;         // [frames, kPoseRow]
     std::vector<float> offsetValues() const;  // [V,3]
     std::vector<float> texelValues() const;   // [size,size,3] in [0,1]
+    std::vector<float> lightValues() const;   // [8,3], or empty
 };
 
 // One step over a batch of frames: forward, backward and updates in one graph.

@@ -3,6 +3,7 @@
 #include "nn/ops/elementwise.h"
 #include "nn/ops/loss.h"
 #include "nn/ops/texture.h"
+#include "nn/steps/light.h"
 
 namespace doppel {
 
@@ -28,12 +29,15 @@ std::vector<Tensor> paintTextures(Graph& graph, const TextureUnet& net,
 }
 
 TextureStep::TextureStep(Device& device, const BodyModel& body, const TextureUnet& net,
-                         const TexturePreset& preset, const CompileOptions& options)
+                         const TexturePreset& preset, const CompileOptions& options,
+                         std::span<const float> light)
     : graph(device) {
     int64_t size = preset.size, texels = net.config().size;
     RasterMesh mesh = rasterMesh(graph, body.faces, body.vertexCount);
     Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
     RasterAtlas atlas = rasterAtlas(graph, uvs, body.uvFaces);
+
+    const CaptureLight lights(graph, body, mesh, texels, light);
 
     // The network sees the whole batch at once, so its batch statistics are the batch's.
     std::vector<Tensor> maps;
@@ -52,7 +56,7 @@ TextureStep::TextureStep(Device& device, const BodyModel& body, const TextureUne
             visibilityBuffer(graph, mesh, sample.verts, sample.camera, size, size);
         // With a constant input there is one texture for the whole batch.
         const Tensor& texture = textures[preset.constantInput ? 0 : i];
-        Tensor render = texturedRender(graph, seen, atlas, texture);
+        Tensor render = texturedRender(graph, seen, atlas, lights.lit(texture, sample.verts));
         // L_pt, in the region B
         Tensor region = regionOf(graph, preset.region, seen.mask, sample.mask);
         losses.term("reconstruction", preset.weight,

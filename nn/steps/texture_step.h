@@ -54,9 +54,10 @@ struct TextureStep {
     Losses losses{graph};  // reconstruction (L_pt)
     std::vector<Sample> samples;
 
-    // net: allocated; outlives the step.
+    // net: allocated; outlives the step. light: what lights what it paints (nn/steps/light.h).
     TextureStep(Device& device, const BodyModel& body, const TextureUnet& net,
-                const TexturePreset& preset, const CompileOptions& options = {});
+                const TexturePreset& preset, const CompileOptions& options = {},
+                std::span<const float> light = {});
 };
 
 }  // namespace doppel

@@ -6,6 +6,7 @@
 
 #include "nn/body/joint.h"
 #include "nn/body/mesh_topology.h"
+#include "nn/body/texel_places.h"
 #include "nn/core/op.h"
 #include "nn/ops/optim.h"
 #include "nn/tools/bench.h"
@@ -34,6 +35,18 @@ struct Case {
 uint64_t bytesOf(const std::vector<Tensor>& tensors) {
     return std::accumulate(tensors.begin(), tensors.end(), uint64_t{0},
                            [](uint64_t sum, const Tensor& t) { return sum + t.bytes(); });
+}
+
+std::vector<int32_t> texelFaces(int size) {
+    std::vector<int32_t> faces;
+    for (const TexelPlace& place : texelPlaces(defaultBody(), size)) faces.push_back(place.face);
+    return faces;
+}
+std::vector<float> texelCorners(int size) {
+    std::vector<float> corners;
+    for (const TexelPlace& place : texelPlaces(defaultBody(), size))
+        corners.insert(corners.end(), {place.corners[1], place.corners[2]});
+    return corners;
 }
 
 // Forward: inputs read, outputs written. Backward: inputs, where they are needed, and the output's
@@ -254,6 +267,14 @@ void addOps() {
          "256",
          {verts, faces, uvs, facesUv, {"texture", {512, 512, 3}}, {"background", {256, 256, 3}}},
          with(camera(256), {{"samples", 2}})});
+    addCase({"lit_texture",
+             "512",
+             {{"texture", {512, 512, 3}},
+              {"light", {9, 3}},
+              {"normals", {V, 3}},
+              faces,
+              {"texel_faces", {512, 512}, {}, [] { return texelFaces(512); }},
+              {"texel_corners", {512, 512, 2}, [] { return texelCorners(512); }}}});
     addCase({"visibility_map", "512", {verts, faces, uvs, facesUv}, {{"size", 512}}});
 
     // ---- pictures' losses -------------------------------------------------------------------

@@ -15,5 +15,9 @@ struct PixelShuffleParams {
     uint height, width;  // of a coarse plane
     uint block;          // r
 };
+struct LitTextureParams {
+    uint texels;
+    uint partials;  // of the sums over texels
+};
 SHARED_END
 #endif

@@ -10,6 +10,7 @@
 #include "engine/io/image.h"
 #include "engine/io/pickle.h"
 #include "engine/io/safetensors.h"
+#include "nn/steps/light.h"
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/avatar/sheet.h"
 #include "trainer/data/output_folder.h"
@@ -169,6 +170,11 @@ void writeAvatar(const fs::path& folder, const Avatar& avatar) {
                       {"source", source},
                       {"numbers", preset},
                       {"trained", trained}};
+    if (!avatar.light.empty()) {
+        toml::array light;
+        for (float number : avatar.light) light.push_back(double{number});
+        table.insert("light", light);
+    }
     // A file that is cut at a line's end is TOML as well.
     table.insert("entries", entriesOf(table));
     std::ostringstream text;
@@ -212,6 +218,15 @@ Avatar readAvatar(const fs::path& folder) {
                 for (const auto& [key, value] : *asked.as_table())
                     avatar.trained[std::string(stage.str())][std::string(key.str())] =
                         value.value_or(std::string());
+    if (const toml::array* light = table["light"].as_array()) {
+        for (const toml::node& number : *light)
+            avatar.light.push_back(static_cast<float>(number.value_or(double{NAN})));
+        // Light that is a hundred times what it lights is nobody's.
+        if (avatar.light.size() != kLightNumbers ||
+            !std::ranges::all_of(avatar.light, [](float x) { return std::abs(x) <= 100; }))
+            throwInput("{}: light: expected {} numbers from -100 to 100, found {}", path.string(),
+                       kLightNumbers, fmt::join(avatar.light, " "));
+    }
     avatar.meshNet = readNetwork(folder / "mesh_net.safetensors");
     avatar.textureNet = readNetwork(folder / "texture_net.safetensors");
     avatar.refineNet = readNetwork(folder / "refine_net.safetensors");

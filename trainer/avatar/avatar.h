@@ -1,6 +1,7 @@
 // An avatar: a body, the networks that make it a person, and its texture; on disk a folder:
 //
-//     avatar.toml               name, seed, preset, every number of the run, where it came from
+//     avatar.toml               name, seed, preset, every number of the run, where it came from,
+//                               and the light of the capture
 //     body.npz                  the body model, the person's betas and, once stage "shape" is
 //                               done, her offsets [V,3] beyond the model
 //     poses.npz                 the training frames' poses as training left them
@@ -43,6 +44,9 @@ struct Avatar {
     // [size,size,3] sRGB-encoded in [0,1]; empty: none yet.
     std::vector<float> texels, texture, bakedTexture;
     std::vector<uint8_t> texelsSeen;  // [size,size] beside texels, TexelOrigin
+    // L [8,3] of the light that the frames were recorded under (nn/steps/light.h), which the
+    // textures are free of; empty: they show it.
+    std::vector<float> light;
 
     // Forgets what stage "refine" made, as when the stages before it are trained again.
     void clearRefinement() {

@@ -75,7 +75,7 @@ AvatarRenderer::AvatarRenderer(Device& device, const Avatar& avatar, bool refine
     : device_(device),
       avatar_(avatar),
       fixedTexture_(&avatar.texture),
-      drawer_(device, avatar.body),
+      drawer_(device, avatar.body, avatar.light),
       mesh_(std::make_unique<MeshRecording>(device, avatar, refined, drawer_.verts())) {
     if (kind == TextureKind::Best)
         kind = avatar.refineNet.empty() ? TextureKind::Coarse : TextureKind::Refined;

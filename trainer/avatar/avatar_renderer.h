@@ -12,7 +12,8 @@ namespace doppel {
 // Poses an avatar and draws it: pose in, mesh, texture, picture out.
 class AvatarRenderer {
 public:
-    // refined: false leaves the mesh network out.
+    // refined: false leaves the mesh network out. Pictures are lit by avatar.light, as if the
+    // person turned before the camera that recorded her; texture() is free of it.
     AvatarRenderer(Device& device, const Avatar& avatar, bool refined = true,
                    TextureKind texture = TextureKind::Best);
     ~AvatarRenderer();

@@ -1,11 +1,11 @@
 // One texture for all views, of the refined textures that the networks paint for each.
 #pragma once
 
-#include <array>
 #include <span>
 #include <vector>
 
 #include "engine/device.h"
+#include "nn/body/texel_places.h"
 #include "trainer/avatar/avatar.h"
 
 namespace doppel {
@@ -17,16 +17,6 @@ enum TexelOrigin : uint8_t {
     kFromOtherSide = 170,  // of the body: no frame shows it
     kFromFrames = 255,
 };
-
-// Where a texel lies on the mesh.
-struct TexelPlace {
-    int32_t face = -1;               // -1: between the charts
-    std::array<float, 3> corners{};  // barycentrics in the face
-};
-
-// [size,size] For every texel that pictures depend on: bilinear filtering reaches one texel over a
-// chart's border, and such a texel belongs to the nearest point of the chart.
-std::vector<TexelPlace> texelPlaces(const BodyModel& body, int size);
 
 // Gives the texels between the charts of a texture [size,size,3] the colour of the nearest chart.
 void spreadCharts(std::span<const TexelPlace> places, int size, std::vector<float>& texture);

@@ -91,6 +91,7 @@ Preset presetByName(std::string_view name) {
     preset.texels.lambda = 1;  // colours tell finer things than outlines do
     preset.texels.smooth = 50;
     preset.texels.lrTexels = .03;
+    preset.texels.lrLight = .005;
     preset.texels.decay = .3;
     preset.texels.robust = .005;
     preset.texels.facing = 4;

@@ -111,6 +111,7 @@ void runDemo(const DemoOptions& options) {
     // A recording of the actor, every fourth frame held out.
     Actor actor = readActor(assetFolder() / "actor", options.actor);
     SyntheticOptions synthetic;
+    if (options.lamp) synthetic.light = studioLamp();
     synthetic.size = options.size;
     synthetic.seed = options.common.seed;
     Capture capture =
@@ -237,6 +238,8 @@ void declareFlags(CommandFlags& flags, DemoOptions& o) {
                      "with poses and masks in truth/, and stop there")
         ->type_name("SECONDS")
         ->check(CLI::Range(.05, 600.));
+    flags->add_flag("--lamp", o.lamp,
+                    "A lamp on the left lights the actor, and not all sides alike (not of --clip)");
     flags->add_flag("--still-camera", o.still, "Of --clip: the camera stands still");
     flags.preset("ci");
 }

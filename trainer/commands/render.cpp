@@ -187,6 +187,7 @@ void runRender(const RenderOptions& options) {
     Avatar avatar = readAvatar(options.avatar);
     TextureKind texture = textureKind(options.texture);
     requireTexture(avatar, texture, options.avatar);
+    if (options.light == "none") avatar.light.clear();
     Motion motion = readMotion(options.motion);
     if (const std::string taken = takenAs(motion); !taken.empty())
         fmt::print(stderr, "{}: {}\n", options.motion.string(), taken);
@@ -282,6 +283,12 @@ void declareFlags(CommandFlags& flags, RenderOptions& o) {
                      "motion's clip), none, or a file")
         ->capture_default_str();
     flags.texture(o.texture);
+    flags
+        ->add_option("--light", o.light,
+                     "capture: as the person looks before the camera that recorded her, where "
+                     "training learned that light; none: the texture's own colours")
+        ->check(CLI::IsMember({"capture", "none"}))
+        ->capture_default_str();
     flags
         ->add_option("--smooth", o.smooth,
                      "Smooth the motion: standard deviation in frames of a Gaussian over time, on "

@@ -19,9 +19,10 @@ struct RenderOptions {
     std::string background = "capture";
     std::filesystem::path occluder;  // masks of what is in front: as the background; empty: nothing
     bool shadow = false, matchColours = false;
-    std::string audio = "source";  // "source", "none", or a file that has sound
-    std::string texture = "best";  // a word of textureKind()
-    double smooth = 0;             // frames; see smoothed()
+    std::string audio = "source";   // "source", "none", or a file that has sound
+    std::string texture = "best";   // a word of textureKind()
+    std::string light = "capture";  // or "none"
+    double smooth = 0;              // frames; see smoothed()
     RetargetSettings retarget;
     int size = 0;    // pixels of the larger side; 0: the camera's
     double fps = 0;  // 0: the motion's

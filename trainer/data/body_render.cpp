@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "nn/ops/body.h"
+#include "nn/steps/light.h"
 
 namespace doppel {
 
@@ -70,6 +71,7 @@ struct MeshDrawer::Picture {
         Tensor texture = graph.attach(drawer.texture(textureSize), {textureSize, textureSize, 3});
         RasterMesh mesh = rasterMesh(graph, body.faces, body.vertexCount);
         Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
+        texture = CaptureLight(graph, body, mesh, textureSize, drawer.light_).lit(texture, verts);
         drawn = sampledRender(graph, mesh, verts, camera, rasterAtlas(graph, uvs, body.uvFaces),
                               texture, height, width, samples);
         graph.output(drawn.image);
@@ -78,7 +80,8 @@ struct MeshDrawer::Picture {
     }
 };
 
-MeshDrawer::MeshDrawer(Device& device, const BodyModel& body) : device_(device), body_(body) {}
+MeshDrawer::MeshDrawer(Device& device, const BodyModel& body, std::vector<float> light)
+    : device_(device), body_(body), light_(std::move(light)) {}
 MeshDrawer::~MeshDrawer() = default;
 
 MeshDrawer::Silhouette& MeshDrawer::silhouette(int width, int height) {

@@ -39,8 +39,9 @@ struct Drawing {
 
 class MeshDrawer {
 public:
-    // The body's faces and atlas; the body outlives the drawer.
-    MeshDrawer(Device& device, const BodyModel& body);
+    // The body's faces and atlas; the body outlives the drawer. light: L [8,3] (nn/steps/light.h),
+    // under which textures are drawn; empty: as they are.
+    MeshDrawer(Device& device, const BodyModel& body, std::vector<float> light = {});
     ~MeshDrawer();
 
     std::vector<uint8_t> mask(std::span<const float> verts, const Camera& camera);
@@ -65,6 +66,7 @@ private:
 
     Device& device_;
     const BodyModel& body_;
+    std::vector<float> light_;
     Buffer verts_;
     std::map<int, Buffer> textures_;                                         // by size
     std::map<std::array<int, 2>, std::unique_ptr<Silhouette>> silhouettes_;  // width, height

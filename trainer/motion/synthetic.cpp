@@ -1,6 +1,7 @@
 #include "trainer/motion/synthetic.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <future>
@@ -93,10 +94,25 @@ Actor readActor(const std::filesystem::path& folder, const std::string& name) {
     return actor;
 }
 
+std::vector<float> studioLamp() {
+    // max(0, d . n) is 1/4 (1 + 2 d . n + 1/4 sum_k Y_k(d) Y_k(n)) up to the second degree.
+    const glm::dvec3 d = glm::normalize(glm::dvec3(-.7, -.5, -.5));  // camera space: y down
+    const glm::dvec3 strength(.12, .11, .09);                        // red, green, blue
+    const double k1 = 2 / std::sqrt(3), k2 = std::sqrt(15) / 4;
+    const std::array rows{k1 * d.y,       k1 * d.z,
+                          k1 * d.x,       k2 * d.x * d.y,
+                          k2 * d.y * d.z, std::sqrt(5) / 8 * (3 * d.z * d.z - 1),
+                          k2 * d.x * d.z, k2 / 2 * (d.x * d.x - d.y * d.y)};
+    std::vector<float> light;
+    for (double row : rows)
+        for (int c = 0; c < 3; ++c) light.push_back(static_cast<float>(row * strength[c]));
+    return light;
+}
+
 Capture renderActor(Device& device, const Actor& actor, const std::vector<MotionFrame>& motion,
                     const std::filesystem::path& out, const SyntheticOptions& options) {
     BodyPoser poser(device, actor.body);
-    MeshDrawer drawer(device, actor.body);
+    MeshDrawer drawer(device, actor.body, options.light);
     CaptureWriter writer(out);
     Capture capture;
     capture.name = "synthetic actor";

@@ -29,7 +29,13 @@ struct SyntheticOptions {
     double transNoiseMetres = 0.01;  // along a random direction
     uint64_t seed = 1;
     int samples = 3;  // per pixel and axis
+    // L [8,3] of the light on the actor (nn/steps/light.h); empty: the texture as it is.
+    std::vector<float> light = {};
 };
+
+// L [8,3] of a warm lamp on the left, above the camera, in a bright room: what faces it is two
+// fifths brighter than it would be without, what faces away a tenth darker.
+std::vector<float> studioLamp();
 
 // Draws the actor in these poses before a plain studio wall, and writes the capture: frames, masks,
 // and the poses as an imperfect tracker would have seen them. The true ones go to truth.npz (as

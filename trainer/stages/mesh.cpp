@@ -24,7 +24,7 @@ void trainMesh(Device& device, TrainResult& result, const TrainSettings& setting
     declareMeshNet(net, avatar, settings.seed);
     net.allocate(device);
     MeshStep step(device, avatar.body, avatar.betas, net, preset, settings.compileOptions(),
-                  avatar.texels);
+                  avatar.texels, avatar.light);
     const MeshStep::Sample& first = step.samples.at(0);
     const bool coloured = static_cast<bool>(first.image);
     std::optional<BackgroundPlates> scene;
@@ -85,7 +85,7 @@ void planMesh(Device& device, const Avatar& avatar, const Capture&, const TrainS
     declareMeshNet(net, avatar, settings.seed);
     net.allocate(device);
     MeshStep(device, avatar.body, avatar.betas, net, avatar.preset.mesh, settings.compileOptions(),
-             texels);
+             texels, plannedLight(avatar, settings));
 }
 
 }  // namespace doppel

@@ -62,7 +62,7 @@ void trainRefine(Device& device, TrainResult& result, const TrainSettings& setti
 
     // The coarse network is in evaluation; with a constant input it paints one texture for all.
     TextureNet coarseNet(device, avatar);
-    CoarseTexture coarse;
+    CoarseTexture coarse{.light = avatar.light};
     if (avatar.preset.texture.constantInput)
         coarse.texture = paintedTexture(device, coarseNet);
     else
@@ -114,7 +114,7 @@ void planRefine(Device& device, const Avatar& avatar, const Capture&,
     const Preset& preset = avatar.preset;
     const auto size = static_cast<size_t>(preset.texture.textureSize);
     const TextureNet coarseNet(device, avatar, settings.seed);
-    CoarseTexture coarse;
+    CoarseTexture coarse{.light = plannedLight(avatar, settings)};
     if (preset.texture.constantInput)
         coarse.texture.resize(size * size * 3);
     else

@@ -46,14 +46,18 @@ void trainFit(Device& device, TrainResult& result, const TrainSettings& settings
 void planFit(Device& device, const Avatar& avatar, const Capture& capture,
              const TrainSettings& settings);
 
-// Stages "shape" and "texels": the body's own offsets from silhouettes; then its texels, offsets and
-// the poses from silhouettes and colours. Both move the capture's poses.
+// Stages "shape" and "texels": the body's own offsets from silhouettes; then its texels, offsets
+// and the poses from silhouettes and colours. Both move the capture's poses.
 void trainShape(Device& device, TrainResult& result, const TrainSettings& settings);
 void trainTexels(Device& device, TrainResult& result, const TrainSettings& settings);
 void planShape(Device& device, const Avatar& avatar, const Capture& capture,
                const TrainSettings& settings);
 void planTexels(Device& device, const Avatar& avatar, const Capture& capture,
                 const TrainSettings& settings);
+
+// For plans of later stages: the avatar's light, or one of zeros where stage "texels" will learn
+// it.
+std::vector<float> plannedLight(const Avatar& avatar, const TrainSettings& settings);
 
 // Stage 1: the mesh refinement network G_m against the masks; fills avatar.meshNet.
 void trainMesh(Device& device, TrainResult& result, const TrainSettings& settings);

@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "nn/ops/fit.h"
+#include "nn/steps/light.h"
 #include "trainer/avatar/background.h"
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/stages/back_projection.h"
@@ -80,6 +81,7 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
                         .offsets = body.offsets,
                         .texels = run.texels,
                         .textureSize = run.textureSize,
+                        .light = run.light,
                         .movesOffsets = run.movesOffsets,
                         .movesTexels = run.movesTexels,
                         .video = isVideo(capture)},
@@ -117,6 +119,7 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
     loop.trained = {{"corrections", &state.corrections}};
     if (run.movesOffsets) loop.trained.emplace_back("offsets", &state.offsets);
     if (coloured && run.movesTexels) loop.trained.emplace_back("texels", &state.texels);
+    if (!state.light.entries().empty()) loop.trained.emplace_back("light", &state.light);
     loop.frameName = [&](size_t frame) { return capture.frames[frame].name; };
     loop.draw = [&] {
         std::vector<size_t> drawn = sampler.next(preset.batch);
@@ -157,11 +160,15 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
         step.graph.submit();
         frames.prepare(sampler.peek(preset.batch));  // meanwhile
     };
-    auto texels = [&] { return coloured ? state.texelValues() : std::vector<float>(); };
-    if (run.picture) loop.picture = [&] { run.picture(state.offsetValues(), texels()); };
+    auto result = [&] {
+        return SurfaceResult{state.offsetValues(),
+                             coloured ? state.texelValues() : std::vector<float>(),
+                             state.lightValues()};
+    };
+    if (run.picture) loop.picture = [&] { run.picture(result()); };
     if (!loop.run(run.loop)) return std::nullopt;
     takeRows(capture, state.poses());
-    return SurfaceResult{state.offsetValues(), texels()};
+    return result();
 }
 
 namespace {
@@ -192,6 +199,7 @@ void fitPosesToPictures(Device& device, const Avatar& avatar, Capture& capture, 
                    .preset = avatar.preset.texels,
                    .texels = avatar.texture,
                    .textureSize = avatar.textureSize,
+                   .light = avatar.light,
                    .loop = {.seed = seed}};
     run.preset.steps = stepsForVisits(80, capture, run.preset);
     run.preset.lrTheta = .006;
@@ -221,6 +229,11 @@ void planTexels(Device& device, const Avatar& avatar, const Capture& capture,
     SurfaceStep(device, avatar.body, state, preset, settings.compileOptions());
 }
 
+std::vector<float> plannedLight(const Avatar& avatar, const TrainSettings& settings) {
+    if (std::ranges::count(settings.stages, "texels") == 0) return avatar.light;
+    return std::vector<float>(avatar.preset.texels.lrLight > 0 ? kLightNumbers : 0);
+}
+
 void trainShape(Device& device, TrainResult& result, const TrainSettings& settings) {
     Avatar& avatar = result.avatar;
     result.capture.betas = avatar.betas;
@@ -232,9 +245,9 @@ void trainShape(Device& device, TrainResult& result, const TrainSettings& settin
                    .memoryBudget = settings.memoryBudget,
                    .identity = stageIdentity(avatar, "shape")};
     if (!settings.keeps()) run.loop.out.clear();
-    run.picture = [&](const std::vector<float>& offsets, const std::vector<float>&) {
+    run.picture = [&](const SurfaceResult& state) {
         Avatar now = avatar;
-        setOffsets(now, offsets);
+        setOffsets(now, state.offsets);
         writeState(device, now, result.capture, cache, settings.out);
     };
     if (auto trained = runSurface(device, avatar.body, result.capture, run))
@@ -263,23 +276,23 @@ void trainTexels(Device& device, TrainResult& result, const TrainSettings& setti
                    .identity = stageIdentity(avatar, "texels")};
     run.identity["texture.textureSize"] = fmt::format("{}", size);
     if (!settings.keeps()) run.loop.out.clear();
-    auto take = [&](Avatar& to, const std::vector<float>& offsets,
-                    const std::vector<float>& texels) {
-        setOffsets(to, offsets);
+    auto take = [&](Avatar& to, const SurfaceResult& state) {
+        setOffsets(to, state.offsets);
         to.textureSize = size;
-        to.texels = to.texture = texels;
+        to.texels = to.texture = state.texels;
         to.texelsSeen = first.origin;
+        to.light = state.light;
     };
-    run.picture = [&](const std::vector<float>& offsets, const std::vector<float>& texels) {
+    run.picture = [&](const SurfaceResult& state) {
         Avatar now = avatar;
-        take(now, offsets, texels);
+        take(now, state);
         writeState(device, now, result.capture, cache, settings.out);
     };
     if (auto trained = runSurface(device, avatar.body, result.capture, run)) {
         // As eight bits keep them, so that a run that is stopped after this stage and one that is
         // not go on from the same.
         for (float& value : trained->texels) value = std::round(255 * value) / 255;
-        take(avatar, trained->offsets, trained->texels);
+        take(avatar, *trained);
     }
 }
 

@@ -12,22 +12,23 @@
 
 namespace doppel {
 
+struct SurfaceResult {
+    std::vector<float> offsets, texels, light;  // of the body; [size,size,3]; Avatar::light
+};
+
 // What a run over a capture changes; the rest stays as it is.
 struct SurfaceRun {
     std::string stage;
     SurfacePreset preset;
     std::vector<float> texels = {};  // [size,size,3] to start from; empty: silhouettes alone
     int textureSize = 0;
+    std::vector<float> light = {};                   // Avatar::light
     bool movesOffsets = false, movesTexels = false;  // poses always move
     LoopSettings loop = {};
     uint64_t memoryBudget = 0;
     std::map<std::string, std::string> identity = {};
-    // Draws the present state from body offsets and texels; may be empty.
-    std::function<void(const std::vector<float>& offsets, const std::vector<float>& texels)>
-        picture = {};
-};
-struct SurfaceResult {
-    std::vector<float> offsets, texels;
+    // Draws the present state; may be empty.
+    std::function<void(const SurfaceResult&)> picture = {};
 };
 // Replaces capture.theta and trans. Nothing where the run only profiled. The frames need masks.
 std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, Capture& capture,

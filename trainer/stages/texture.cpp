@@ -32,7 +32,8 @@ void trainTexture(Device& device, TrainResult& result, const TrainSettings& sett
     }
 
     TextureNet net(device, avatar, settings.seed);
-    TextureStep step(device, avatar.body, net.unet(), preset, settings.compileOptions());
+    TextureStep step(device, avatar.body, net.unet(), preset, settings.compileOptions(),
+                     avatar.light);
 
     std::vector<double> weights;
     if (avatar.preset.mesh.balanceHeadings) weights = headingWeights(capture);
@@ -71,7 +72,8 @@ void trainTexture(Device& device, TrainResult& result, const TrainSettings& sett
 void planTexture(Device& device, const Avatar& avatar, const Capture&,
                  const TrainSettings& settings) {
     const TextureNet net(device, avatar, settings.seed);
-    TextureStep(device, avatar.body, net.unet(), avatar.preset.texture, settings.compileOptions());
+    TextureStep(device, avatar.body, net.unet(), avatar.preset.texture, settings.compileOptions(),
+                plannedLight(avatar, settings));
 }
 
 }  // namespace doppel

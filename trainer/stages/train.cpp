@@ -279,6 +279,7 @@ const std::vector<Stage>& allStages() {
              [](Avatar& avatar) {
                  avatar.texels.clear();
                  avatar.texelsSeen.clear();
+                 avatar.light.clear();
                  clearTexture(avatar);  // the network painted over these texels
              }},
         {.name = "mesh",
