@@ -71,11 +71,12 @@ void tip(const std::string& text) {
     ImGui::PushTextWrapPos(20 * ImGui::GetFontSize());
     ImGui::TextUnformatted(text.c_str());
     ImGui::PopTextWrapPos();
-    noteItem(text);
+    if (!tipPending()) noteItem(text);
     ImGui::EndTooltip();
 }
 
-// Dear ImGui measures a window in its first frame, and shows it in the next.
+// Dear ImGui measures a window in its first frame, and shows it in the next: until then a tip is
+// no item that is drawn.
 bool tipPending() { return hovered().now && hovered().shown < 3; }
 
 bool button(const char* label, const std::string& does, bool enabled) {
