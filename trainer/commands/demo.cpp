@@ -62,6 +62,30 @@ void writeContactSheet(Device& device, const Avatar& avatar, const Capture& asGi
     writeImage(path, contactSheet(rows));
 }
 
+// The actor, turning and then moving, in out/capture.
+Capture recordActor(Device& device, const DemoOptions& options) {
+    Actor actor = readActor(assetFolder() / "actor", options.actor);
+    SyntheticOptions synthetic;
+    if (options.lamp) synthetic.light = studioLamp();
+    synthetic.size = options.size;
+    synthetic.seed = options.common.seed;
+    return renderActor(device, actor, actorSession(kTurnFrames, kMotionFrames, kActorDistance),
+                       options.out / "capture", synthetic);
+}
+
+void recordDemo(const DemoOptions& options) {
+    catchInterrupts();
+    claimFiles(options.out, "demo", {"capture"});
+    const FolderLock lock(options.out);
+    Device device(options.common.deviceOptions());
+    const Capture capture = recordActor(device, options);
+    const std::string folder = (options.out / "capture").string();
+    if (options.common.json)
+        printJson(nlohmann::ordered_json{{"capture", folder}, {"frames", capture.size()}});
+    else
+        fmt::print("{}: {} frames of {}\n", folder, capture.size(), options.actor);
+}
+
 void filmDemo(const DemoOptions& options) {
     catchInterrupts();
     claimFiles(options.out, "demo", {"clip.mp4", "truth"});
@@ -91,8 +115,8 @@ void filmDemo(const DemoOptions& options) {
 }  // namespace
 
 void runDemo(const DemoOptions& options) {
-    if (options.clip > 0) {
-        filmDemo(options);
+    if (options.record || options.clip > 0) {
+        options.record ? recordDemo(options) : filmDemo(options);
         return;
     }
     auto start = std::chrono::steady_clock::now();
@@ -109,14 +133,7 @@ void runDemo(const DemoOptions& options) {
     fmt::print(stderr, "demo on {}\n", device.info().name);
 
     // A recording of the actor, every fourth frame held out.
-    Actor actor = readActor(assetFolder() / "actor", options.actor);
-    SyntheticOptions synthetic;
-    if (options.lamp) synthetic.light = studioLamp();
-    synthetic.size = options.size;
-    synthetic.seed = options.common.seed;
-    Capture capture =
-        renderActor(device, actor, actorSession(kTurnFrames, kMotionFrames, kActorDistance),
-                    out / "capture", synthetic);
+    const Capture capture = recordActor(device, options);
     std::vector<size_t> seen, heldOut;
     for (size_t i = 0; i < capture.size(); ++i) (i % 4 == 3 ? heldOut : seen).push_back(i);
     double captureSeconds = seconds();
@@ -232,12 +249,15 @@ void declareFlags(CommandFlags& flags, DemoOptions& o) {
     flags->add_option("--size", o.size, "Of the recording's frames, pixels")
         ->check(CLI::Range(64, 2048))
         ->capture_default_str();
+    CLI::Option* record =
+        flags->add_flag("--record", o.record, "Write the recording into capture/, and stop there");
     flags
         ->add_option("--clip", o.clip,
                      "Film the actor for so many seconds with a camera in a hand, into clip.mp4, "
                      "with poses and masks in truth/, and stop there")
         ->type_name("SECONDS")
-        ->check(CLI::Range(.05, 600.));
+        ->check(CLI::Range(.05, 600.))
+        ->excludes(record);
     flags->add_flag("--lamp", o.lamp,
                     "A lamp on the left lights the actor, and not all sides alike (not of --clip)");
     flags->add_flag("--still-camera", o.still, "Of --clip: the camera stands still");

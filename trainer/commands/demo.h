@@ -16,7 +16,8 @@ struct DemoOptions {
     int size = 512;               // of the recording's frames, pixels
     double clip = 0;              // seconds of a clip to write instead; 0: the whole job
     bool still = false;
-    bool lamp = false;  // the actor stands under studioLamp()
+    bool record = false;  // the recording alone
+    bool lamp = false;    // the actor stands under studioLamp()
     Preset preset;
 };
 

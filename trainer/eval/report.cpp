@@ -23,23 +23,6 @@ Image part(const Image& image, const PixelRect& rect) {
     return resize(cut, kEnlarged * cut.width, kEnlarged * cut.height);
 }
 
-std::string escaped(std::string_view text) {
-    std::string result;
-    for (char c : text) {
-        if (c == '&')
-            result += "&amp;";
-        else if (c == '<')
-            result += "&lt;";
-        else if (c == '>')
-            result += "&gt;";
-        else if (c == '"')
-            result += "&quot;";
-        else
-            result += c;
-    }
-    return result;
-}
-
 // As part of an address: all but letters, digits and -._ in hexadecimal.
 std::string address(std::string_view text) {
     std::string result;
@@ -63,6 +46,23 @@ std::vector<std::pair<std::string, double>> rowOf(const FrameMetrics& m) {
 }
 
 }  // namespace
+
+std::string escapedHtml(std::string_view text) {
+    std::string result;
+    for (char c : text) {
+        if (c == '&')
+            result += "&amp;";
+        else if (c == '<')
+            result += "&lt;";
+        else if (c == '>')
+            result += "&gt;";
+        else if (c == '"')
+            result += "&quot;";
+        else
+            result += c;
+    }
+    return result;
+}
 
 std::vector<std::string> reportFiles(const std::vector<std::string>& frames) {
     std::vector<std::string> files{"report.html", kHeads};
@@ -88,22 +88,22 @@ void writeReport(const std::filesystem::path& folder, const std::string& title,
         "td,th{{padding:2px 8px;text-align:right}}th{{text-align:left}}"
         "img{{image-rendering:pixelated;vertical-align:top;margin-right:8px}}</style>\n"
         "<h1>{0}</h1>\n",
-        escaped(title));
+        escapedHtml(title));
     const FrameMetrics mean = meanMetrics(frames);
     html += "<table>\n";
     for (const auto& [name, value] : rowOf(mean))
-        html += fmt::format("<tr><th>{}<td>{:.3f}\n", escaped(name), value);
+        html += fmt::format("<tr><th>{}<td>{:.3f}\n", escapedHtml(name), value);
     html += "</table>\n";
     for (const FrameMetrics& frame : frames) {
         html += fmt::format(
             "<h2>{}</h2>\n<p>frame, render, four times the error; the head in both, "
             "enlarged</p>\n<p><img src=\"{}.png\" alt=\"\">",
-            escaped(frame.name), address(frame.name));
+            escapedHtml(frame.name), address(frame.name));
         if (std::filesystem::exists(folder / kHeads / (frame.name + ".png")))
             html += fmt::format("<img src=\"{}/{}.png\" alt=\"\">", kHeads, address(frame.name));
         html += "</p>\n<p>";
         for (const auto& [name, value] : rowOf(frame))
-            html += fmt::format("{} {:.3f} · ", escaped(name), value);
+            html += fmt::format("{} {:.3f} · ", escapedHtml(name), value);
         html += "</p>\n";
     }
     AtomicFile file(folder / "report.html");

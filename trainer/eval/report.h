@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "engine/io/image.h"
@@ -12,6 +13,9 @@
 #include "trainer/eval/picture_figures.h"
 
 namespace doppel {
+
+// As text of a page: &, <, > and " are written as HTML's entities.
+std::string escapedHtml(std::string_view text);
 
 // The names of the files of a report on these frames: what a folder is asked for before.
 std::vector<std::string> reportFiles(const std::vector<std::string>& frames);
