@@ -93,6 +93,67 @@ TEST(Skeleton, ResetsOneJoint) {
     EXPECT_EQ(resetJoint(pose, joint::kPelvis, original), expected);
 }
 
+TEST(Skeleton, EditsBothSides) {
+    std::mt19937 random(6);
+    const Skeleton skeleton = skeletonOf(body(), Betas{});
+    const Pose began = randomPose(random, 1);
+    Pose pose = began;
+    pose.rotation[joint::kLeftElbow] = {.1, -.7, .2};
+    pose.rotation[joint::kSpine3] = {.2, 0, 0};
+    pose.rotation[joint::kRightKnee] = {.4, 0, 0};  // of another limb
+    Pose expected = pose;
+    expected.rotation[joint::kRightElbow] = {.1, .7, -.2};
+    EXPECT_EQ(mirroredAcross(skeleton, pose, began, joint::kLeftWrist), expected);
+    EXPECT_EQ(mirroredAcross(skeleton, pose, began, joint::kSpine3), pose);
+    EXPECT_EQ(mirroredAcross(skeleton, began, began, joint::kLeftWrist), began);
+
+    // A side that is copied is as the other one of the mirror image.
+    const Pose toRight = sideCopied(pose, true), toLeft = sideCopied(pose, false),
+               image = mirrored(pose);
+    for (size_t j = 1; j < joint::kCount; ++j) {
+        const size_t across = oppositeJoint(j);
+        if (across == j) {
+            EXPECT_EQ(toRight.rotation[j], pose.rotation[j]) << jointName(j);
+            EXPECT_EQ(toLeft.rotation[j], pose.rotation[j]) << jointName(j);
+            continue;
+        }
+        const bool left = across > j;
+        EXPECT_EQ(toRight.rotation[j], (left ? pose : image).rotation[j]) << jointName(j);
+        EXPECT_EQ(toLeft.rotation[j], (left ? image : pose).rotation[j]) << jointName(j);
+    }
+    EXPECT_EQ(toRight.rotation[0], pose.rotation[0]);
+
+    // Places: twice is the place again, and the trunk's joints are in the plane.
+    const PosedSkeleton posed = forwardKinematics(skeleton, pose);
+    const glm::dvec3 place(.3, .2, 2.9),
+        across = placeAcross(skeleton, posed, joint::kLeftWrist, place);
+    EXPECT_GT(glm::distance(across, place), .01);
+    EXPECT_LT(glm::distance(placeAcross(skeleton, posed, joint::kRightElbow, across), place),
+              1e-12);
+    EXPECT_NEAR(glm::distance(across, posed.position[joint::kSpine3]),
+                glm::distance(place, posed.position[joint::kSpine3]), 1e-12);
+}
+
+TEST(Skeleton, PointsABone) {
+    std::mt19937 random(7);
+    const Skeleton skeleton = skeletonOf(body(), Betas{});
+    const Pose pose = randomPose(random, 1);
+    EXPECT_EQ(limbOf(skeleton, joint::kRightWrist), Limb::RightArm);
+    EXPECT_EQ(limbOf(skeleton, joint::kLeftFoot), Limb::LeftLeg);
+    for (size_t trunk : {joint::kPelvis, joint::kLeftHip, joint::kRightCollar, joint::kHead})
+        EXPECT_FALSE(limbOf(skeleton, trunk)) << jointName(trunk);
+    const PosedSkeleton before = forwardKinematics(skeleton, pose);
+    const glm::dvec3 elbow = before.position[joint::kLeftElbow],
+                     towards = glm::normalize(glm::dvec3(.3, -.5, .2));
+    const Pose pointed = pointBone(skeleton, pose, joint::kLeftWrist, elbow + towards);
+    Pose rest = pointed;
+    rest.rotation[joint::kLeftElbow] = pose.rotation[joint::kLeftElbow];
+    EXPECT_EQ(rest, pose) << "the elbow alone turns";
+    const glm::dvec3 wrist = forwardKinematics(skeleton, pointed).position[joint::kLeftWrist];
+    EXPECT_LT(glm::distance(glm::normalize(wrist - elbow), towards), 1e-9);
+    EXPECT_EQ(pointBone(skeleton, pose, joint::kLeftWrist, elbow), pose);
+}
+
 TEST(Skeleton, MirrorsAcrossTheUprightPlane) {
     std::mt19937 random(6);
     for (int i = 0; i < 20; ++i) {

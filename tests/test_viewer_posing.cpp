@@ -96,6 +96,225 @@ TEST_F(ViewerTest, ARingTurnsTheSelectedJoint) {
     EXPECT_EQ(viewer.editor().pose(), before);
 }
 
+// A place on the ring about the view's own depth, which is a circle about the joint, where nothing
+// else is; and the mouse's way along it, per radian.
+std::pair<glm::dvec2, glm::dvec2> onViewRing(Viewer& viewer, size_t joint) {
+    const glm::dvec2 centre = viewer.jointOnScreen(joint);
+    for (double angle = .5; angle < 7; angle += .1) {
+        const glm::dvec2 out(std::cos(angle), std::sin(angle)), on = centre + 74. * out;
+        bool free = std::abs(out.x) > .3 && std::abs(out.y) > .3 && on.x > 80 && on.y > 80;
+        for (size_t j = 0; j < joint::kCount; ++j)
+            free &= glm::distance(glm::dvec2(viewer.jointOnScreen(j)), on) > 20;
+        if (free) return {on, 74. * glm::dvec2(-out.y, out.x)};
+    }
+    ADD_FAILURE() << "no free place on the ring";
+    return {};
+}
+
+TEST_F(ViewerTest, ARingSaysHowFarItTurnsAndTurnsBySteps) {
+    Viewer& viewer = open();
+    viewer.settings().ringAxes = RingAxes::Views;
+    viewer.settings().limits = false;
+    const Pose before = viewer.editor().pose();
+    const auto turnBy = [&](size_t joint, double degrees, bool control) {
+        const glm::dvec2 place = at(joint);
+        drag(place, place);
+        EXPECT_EQ(viewer.selected(), joint);
+        EXPECT_EQ(viewer.turnedText(), "");
+        const auto [on, way] = onViewRing(viewer, joint);
+        screen_->move(on.x, on.y);
+        turn();
+        if (control) screen_->keyDown("Control_L");
+        screen_->press(1);
+        turn();
+        const glm::dvec2 to = on + way * (degrees * std::numbers::pi / 180);
+        screen_->move(to.x, to.y);
+        turn(4);
+        const std::string said = viewer.turnedText();
+        screen_->release(1);
+        turn();
+        if (control) screen_->keyUp("Control_L");
+        settle();
+        return said;
+    };
+    // About the view's depth, which is the world's z from the front.
+    const auto turned = [&](size_t joint) {
+        const Skeleton& skeleton = viewer.skeleton();
+        const glm::dmat3 now = viewer.posed().rotation[joint],
+                         was = forwardKinematics(skeleton, before).rotation[joint];
+        return axisAngleOf(glm::quat_cast(now * glm::transpose(was))) * 180. / std::numbers::pi;
+    };
+    const std::string freely = turnBy(joint::kLeftElbow, 33, false);
+    EXPECT_NEAR(std::stod(freely), 33, 1.5);
+    EXPECT_NE(freely.find("\u00b0"), std::string::npos);
+    EXPECT_LT(glm::distance(turned(joint::kLeftElbow), {0, 0, std::stod(freely)}), .1);
+    keyWith("Control_L", "z");
+    EXPECT_EQ(viewer.editor().pose(), before);
+
+    EXPECT_EQ(turnBy(joint::kLeftElbow, -33, true), "-35.0\u00b0");
+    EXPECT_LT(glm::distance(turned(joint::kLeftElbow), {0, 0, -35}), 1e-6);
+    keyWith("Control_L", "z");
+
+    // What a joint's range cuts off is not said to have been turned.
+    viewer.settings().limits = true;
+    const std::string limited = turnBy(joint::kHead, 60, false);
+    EXPECT_NE(limited.find("its limit"), std::string::npos) << limited;
+    EXPECT_LT(std::stod(limited), 45);
+    EXPECT_GT(std::stod(limited), 5);
+}
+
+TEST_F(ViewerTest, RingsTurnAboutTheAxesThatAreChosen) {
+    Viewer& viewer = open();
+    viewer.settings().limits = false;
+    viewer.editor().setPose([&] {
+        Pose pose = viewer.editor().pose();
+        pose.rotation[joint::kLeftShoulder] = {.4, .3, -.6};
+        pose.rotation[joint::kLeftElbow] = {0, -.9, 0};
+        return pose;
+    }());
+    settle();
+    const glm::dvec2 elbow = at(joint::kLeftElbow);
+    drag(elbow, elbow);
+    const Pose before = viewer.editor().pose();
+    const PosedSkeleton posed = viewer.posed();
+    const OrbitCamera camera = viewer.camera();
+    for (const auto& [choice, axes] : {std::pair{RingAxes::Own, posed.rotation[joint::kLeftElbow]},
+                                       {RingAxes::Parents, posed.rotation[joint::kLeftShoulder]},
+                                       {RingAxes::Views, glm::dmat3(1)}}) {
+        viewer.settings().ringAxes = choice;
+        settle();
+        std::set<int> met;
+        for (double angle = 0; angle < 6.2 && met.size() < 3; angle += .2) {
+            const glm::dvec2 out(std::cos(angle), std::sin(angle));
+            for (double radius : {30., 50., 74.}) {
+                const glm::dvec2 on = elbow + radius * out;
+                drag(on, on + glm::dvec2(14, 14), 1, 2);
+                viewer.camera() = camera;
+                if (viewer.editor().pose() == before) continue;
+                const glm::dvec3 turn =
+                    axisAngleOf(glm::quat_cast(viewer.posed().rotation[joint::kLeftElbow] *
+                                               glm::transpose(posed.rotation[joint::kLeftElbow])));
+                if (viewer.selected() == size_t{joint::kLeftElbow} && glm::length(turn) > .01) {
+                    int axis = 0;
+                    for (int other : {1, 2})
+                        if (std::abs(glm::dot(axes[other], turn)) >
+                            std::abs(glm::dot(axes[axis], turn)))
+                            axis = other;
+                    EXPECT_NEAR(std::abs(glm::dot(axes[axis], glm::normalize(turn))), 1, 1e-6);
+                    met.insert(axis);
+                }
+                while (viewer.editor().canUndo() && viewer.editor().pose() != before)
+                    viewer.editor().undo();
+                settle();
+                if (viewer.selected() != size_t{joint::kLeftElbow}) drag(elbow, elbow);
+            }
+            if (viewer.selected() != size_t{joint::kLeftElbow}) drag(elbow, elbow);
+        }
+        EXPECT_GE(met.size(), 2u);
+    }
+}
+
+TEST_F(ViewerTest, BothSidesAreEditedAtOnce) {
+    Viewer& viewer = open();
+    viewer.editor().setPose(sideCopied(viewer.editor().pose(), true));
+    viewer.settings().symmetric = true;
+    settle();
+    const Pose before = viewer.editor().pose();
+    const auto expectSame = [&](const char* what) {
+        const Pose now = viewer.editor().pose(), image = mirrored(now);
+        for (size_t j = 1; j < joint::kCount; ++j)
+            if (oppositeJoint(j) != j) {
+                EXPECT_LT(glm::distance(now.rotation[j], image.rotation[j]), 1e-12)
+                    << what << ", " << jointName(j);
+            }
+    };
+    const size_t steps = viewer.editor().steps();
+    const glm::dvec2 from = at(joint::kLeftWrist), to = from + glm::dvec2(-20, -80);
+    const double right = at(joint::kRightWrist).y;
+    drag(from, to);
+    expectSame("a drag");
+    EXPECT_LT(metres(glm::distance(at(joint::kLeftWrist), to), joint::kLeftWrist), 0.02);
+    EXPECT_NEAR(at(joint::kRightWrist).y, right - 80, 12);
+    EXPECT_EQ(viewer.editor().steps(), steps + 1);
+    keyWith("Control_L", "z");
+    EXPECT_EQ(viewer.editor().pose(), before);
+
+    // A drag of one bone, and a reset.
+    viewer.settings().fk[size_t(Limb::RightArm)] = true;
+    const glm::dvec2 wrist = at(joint::kRightWrist);
+    drag(wrist, wrist + glm::dvec2(0, -60));
+    expectSame("a bone's drag");
+    for (size_t j = 0; j < joint::kCount; ++j)
+        EXPECT_EQ(viewer.editor().pose().rotation[j] == before.rotation[j],
+                  j != joint::kLeftElbow && j != joint::kRightElbow)
+            << jointName(j);
+    const glm::dvec2 elbow = at(joint::kLeftElbow);
+    screen_->move(elbow.x, elbow.y);
+    turn();
+    screen_->key("r");
+    settle();
+    EXPECT_EQ(viewer.editor().pose().rotation[joint::kRightElbow],
+              viewer.editor().original().rotation[joint::kRightElbow]);
+
+    // A pin holds the other side.
+    const glm::dvec2 ankle = at(joint::kRightAnkle);
+    screen_->move(ankle.x, ankle.y);
+    turn();
+    screen_->key("p");
+    settle();
+    const glm::dvec3 pinned = viewer.posed().position[joint::kRightAnkle];
+    const glm::dvec2 other = at(joint::kLeftAnkle);
+    drag(other, other + glm::dvec2(20, -40));
+    EXPECT_LT(glm::distance(viewer.posed().position[joint::kRightAnkle], pinned), .01);
+}
+
+TEST_F(ViewerTest, AForwardDragPointsTheBone) {
+    Viewer& viewer = open();
+    viewer.settings().limits = false;
+    viewer.settings().fk[size_t(Limb::LeftLeg)] = true;
+    const Pose before = viewer.editor().pose();
+    const glm::dvec2 ankle = at(joint::kLeftAnkle), knee = at(joint::kLeftKnee),
+                     to = knee + glm::dvec2(40, 60);
+    drag(ankle, to);
+    for (size_t j = 0; j < joint::kCount; ++j)
+        EXPECT_EQ(viewer.editor().pose().rotation[j] == before.rotation[j], j != joint::kLeftKnee)
+            << jointName(j);
+    const glm::dvec2 bone = glm::normalize(at(joint::kLeftAnkle) - knee);
+    EXPECT_LT(glm::distance(bone, glm::normalize(to - knee)), .1);
+    keyWith("Control_L", "z");
+    EXPECT_EQ(viewer.editor().pose(), before);
+}
+
+// The panel's switches, and what is remembered of them.
+TEST_F(ViewerTest, ThePosePanelSetsHowDragsGo) {
+    ViewerOptions options;
+    options.width = 980, options.height = 740;
+    options.state = *folder_ / "switches";
+    Viewer& viewer = open(options);
+    viewer.settings().panel = true;
+    settle();
+    clickItem("Pose");
+    clickItem("rings by 5 degrees");
+    EXPECT_TRUE(viewer.preferences().snap);
+    EXPECT_TRUE(readPreferences(options.state).snap);
+    clickItem("both sides");
+    EXPECT_TRUE(viewer.settings().symmetric);
+    clickItem("drags turn one bone (FK)");
+    clickItem("right leg");
+    EXPECT_TRUE(viewer.settings().fk[size_t(Limb::RightLeg)]);
+    viewer.editor().setPose([&] {
+        Pose pose = viewer.editor().pose();
+        pose.rotation[joint::kLeftElbow] = {0, -.9, 0};
+        return pose;
+    }());
+    const Pose before = viewer.editor().pose();
+    clickItem("left to right");
+    EXPECT_EQ(viewer.editor().pose(), sideCopied(before, true));
+    clickItem("undo");
+    clickItem("right to left");
+    EXPECT_EQ(viewer.editor().pose(), sideCopied(before, false));
+}
+
 // What a move of the mouse asks for is on the picture of the turn that takes it.
 TEST_F(ViewerTest, EachMoveIsOnTheNextPicture) {
     Viewer& viewer = open();

@@ -218,6 +218,7 @@ void Viewer::drawHelp() {
         {"P", "pin the joint under the mouse, or let it go"},
         {"R, Shift + R", "reset the joint, the whole pose"},
         {"M", "mirror"},
+        {"Ctrl and a ring", "by 5 degrees, or freely: the panel says which"},
         {"Ctrl + Z, Ctrl + Shift + Z", "undo, redo"},
         {"Ctrl + C, Ctrl + V", "copy, paste the pose as JSON"},
         {"Ctrl + Shift + C, V", "copy, paste the camera as --camera has it"},

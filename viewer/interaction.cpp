@@ -14,6 +14,15 @@ namespace {
 
 constexpr double kPickRadius = 14, kRingPick = 7;  // window units
 constexpr double kClick = 4;                       // that a click moves at most
+constexpr double kDegrees = 180 / std::numbers::pi;
+constexpr double kSnap = 5 / kDegrees;  // what a ring turns by
+
+// How far a turn goes about an axis of length one, radians; the one nearest to `about`.
+double twistAbout(const glm::dquat& turn, const glm::dvec3& axis, double about) {
+    const double twist = 2 * std::atan2(glm::dot({turn.x, turn.y, turn.z}, axis), turn.w);
+    constexpr double kTurn = 2 * std::numbers::pi;
+    return twist + kTurn * std::round((about - twist) / kTurn);
+}
 
 }  // namespace
 
@@ -53,6 +62,20 @@ std::optional<size_t> Viewer::jointAt(double x, double y) const {
     return best;
 }
 
+glm::dmat3 Viewer::ringAxes(const PosedSkeleton& body) const {
+    const size_t j = selected_.value_or(0);
+    const int parent = skeleton().parents[j];
+    switch (settings_.ringAxes) {
+        case RingAxes::Own:
+            return body.rotation[j];
+        case RingAxes::Parents:
+            return parent < 0 ? glm::dmat3(1) : body.rotation[static_cast<size_t>(parent)];
+        case RingAxes::Views:
+            break;
+    }
+    return glm::transpose(view().rotation);
+}
+
 // A circle about the selected joint's axis, window coordinates.
 std::vector<glm::dvec2> Viewer::ring(int axis, const Pane& pane) const {
     PosedSkeleton body = posed();
@@ -60,7 +83,8 @@ std::vector<glm::dvec2> Viewer::ring(int axis, const Pane& pane) const {
     glm::dvec3 centre = body.position[j];
     double depth = onScreen(centre, pane).z;
     double radius = kRingRadius * window_.unit() * window_.scale() * depth / cameraOf(pane).fx;
-    glm::dvec3 u = body.rotation[j][(axis + 1) % 3], v = body.rotation[j][(axis + 2) % 3];
+    const glm::dmat3 axes = ringAxes(body);
+    glm::dvec3 u = axes[(axis + 1) % 3], v = axes[(axis + 2) % 3];
     std::vector<glm::dvec2> points;
     for (int i = 0; i < kRingPoints; ++i) {
         double angle = 2 * std::numbers::pi * i / kRingPoints;
@@ -76,6 +100,7 @@ std::optional<Viewer::RingHit> Viewer::ringAt(double x, double y) const {
     std::optional<RingHit> hit;
     const double ringRadius = kRingRadius * window_.unit();
     double least = kRingPick * window_.unit();
+    const glm::dmat3 axes = ringAxes(posed());
     for (int axis = 0; axis < 3; ++axis) {
         std::vector<glm::dvec2> points = ring(axis, *pane);
         for (size_t i = 0; i < points.size(); ++i) {
@@ -93,7 +118,7 @@ std::optional<Viewer::RingHit> Viewer::ringAt(double x, double y) const {
             if (speed < ringRadius / 2)
                 tangent =
                     speed > 0 ? tangent * (ringRadius / 2 / speed) : glm::dvec2(ringRadius / 2, 0);
-            hit = RingHit{axis, tangent};
+            hit = RingHit{axis, axes[axis], tangent};
         }
     }
     return hit;
@@ -113,12 +138,35 @@ void Viewer::dragJoint() {
     glm::dvec3 goal = movedInPlane(dragPoint_, moved.x, moved.y, view(), cameraOf(dragPane_));
     if (goal == dragGoal_) return;
     dragGoal_ = goal;
+    const size_t joint = *selected_;
+    const std::optional<Limb> limb = limbOf(skeleton(), joint);
+    if (limb && settings_.fk[static_cast<size_t>(*limb)]) {
+        editor_->setPose(
+            finished(pointBone(skeleton(), dragBegan_, joint, goal), dragBegan_, joint));
+        return;
+    }
     PosedSkeleton began = forwardKinematics(skeleton(), dragBegan_);
-    std::vector<IkTarget> targets{{.joint = *selected_, .position = goal}};
+    std::vector<IkTarget> targets{{.joint = joint, .position = goal}};
+    // Both sides pull at the trunk, which so leans forward and back but to neither.
+    const bool both = editsBothSides(joint);
+    if (both)
+        targets.push_back({.joint = oppositeJoint(joint),
+                           .position = placeAcross(skeleton(), began, joint, goal)});
     for (size_t pin : pins_)
-        if (pin != *selected_) targets.push_back(pinnedAt(began, pin));
-    editor_->setPose(solveIk(skeleton(), dragBegan_, targets,
-                             {.limits = settings_.limits, .balance = settings_.balance}));
+        if (pin != joint) targets.push_back(pinnedAt(began, pin));
+    const Pose solved = solveIk(skeleton(), dragBegan_, targets,
+                                {.limits = settings_.limits, .balance = settings_.balance});
+    editor_->setPose(both ? mirroredAcross(skeleton(), solved, dragBegan_, joint) : solved);
+}
+
+bool Viewer::editsBothSides(size_t joint) const {
+    return settings_.symmetric && oppositeJoint(joint) != joint &&
+           !pins_.contains(oppositeJoint(joint));
+}
+
+Pose Viewer::finished(const Pose& pose, const Pose& began, size_t joint) const {
+    const Pose allowed = settings_.limits ? clampToLimits(pose, began) : pose;
+    return editsBothSides(joint) ? mirroredAcross(skeleton(), allowed, began, joint) : allowed;
 }
 
 void Viewer::endDrag() {
@@ -130,10 +178,25 @@ void Viewer::dragRing() {
     glm::dvec2 moved = mouse_ - dragStart_;
     double angle =
         glm::dot(moved, dragRing_.tangent) / glm::dot(dragRing_.tangent, dragRing_.tangent);
-    glm::dvec3 axis =
-        forwardKinematics(skeleton(), dragBegan_).rotation[*selected_][dragRing_.axis];
-    Pose turned = rotateJoint(skeleton(), dragBegan_, *selected_, axis, angle);
-    editor_->setPose(settings_.limits ? clampToLimits(turned, dragBegan_) : turned);
+    if (preferences_.snap != ImGui::GetIO().KeyCtrl) angle = std::round(angle / kSnap) * kSnap;
+    const size_t joint = *selected_;
+    const Pose pose = finished(
+        rotateJoint(skeleton(), dragBegan_, joint, dragRing_.direction, angle), dragBegan_, joint);
+    editor_->setPose(pose);
+    dragAsked_ = angle;
+    const glm::dquat before =
+        glm::quat_cast(forwardKinematics(skeleton(), dragBegan_).rotation[joint]);
+    const glm::dquat after = glm::quat_cast(forwardKinematics(skeleton(), pose).rotation[joint]);
+    dragTurned_ = twistAbout(after * glm::conjugate(before), dragRing_.direction, angle);
+}
+
+std::string Viewer::turnedText() const {
+    if (drag_ != Drag::Ring) return {};
+    const double turned = kDegrees * dragTurned_;
+    const bool held = std::abs(turned - kDegrees * dragAsked_) > .1;
+    // No "-0.0".
+    return fmt::format("{:.1f}\u00b0{}", std::abs(turned) < .05 ? 0. : turned,
+                       held ? ", its limit" : "");
 }
 
 void Viewer::handleMouse() {
@@ -160,6 +223,7 @@ void Viewer::handleMouse() {
             dragBegan_ = editor_->pose();
             play(false);
             editor_->beginGesture(std::string("turn ") + jointName(*selected_));
+            dragAsked_ = dragTurned_ = 0;
             drag_ = Drag::Ring;
         } else if (left || right || middle) {
             drag_ = middle && io.KeyCtrl                         ? Drag::Dolly

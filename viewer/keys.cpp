@@ -125,7 +125,7 @@ void Viewer::handleKeys() {
                 if (shift)
                     editor_->resetPose();
                 else if (std::optional<size_t> at = hovered_ ? hovered_ : selected_)
-                    editor_->resetJoint(*at);
+                    editor_->resetJoint(*at, editsBothSides(*at));
                 break;
             case GLFW_KEY_P:
                 if (std::optional<size_t> at = hovered_ ? hovered_ : selected_;

@@ -99,13 +99,15 @@ void Viewer::drawOverlays() {
         }
         list.PopClipRect();
     }
+    std::string atMouse = turnedText();
     if (hovered_ && drag_ == Drag::None) {
-        std::string name = jointName(*hovered_);
-        std::ranges::replace(name, '_', ' ');
+        atMouse = jointName(*hovered_);
+        std::ranges::replace(atMouse, '_', ' ');
+    }
+    if (!atMouse.empty())
         drawLabel(
             {static_cast<float>(mouse_.x) + 14 * unit, static_cast<float>(mouse_.y) - 22 * unit},
-            name);
-    }
+            atMouse);
 }
 
 }  // namespace doppel

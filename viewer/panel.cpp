@@ -214,10 +214,39 @@ void Viewer::drawPoseTab() {
     beside("paste");
     if (button("paste", "A pose that was copied (Ctrl + V)."))
         attempt([&] { editor.paste(window_.clipboard()); });
+    if (button("left to right", "The left side's pose, mirrored, on the right."))
+        editor.copySide(true);
+    beside("right to left");
+    if (button("right to left", "The right side's pose, mirrored, on the left."))
+        editor.copySide(false);
+    checkbox("both sides", "What is done to one side is done to the other, unless a pin holds it.",
+             settings_.symmetric);
+    beside("joint limits");
     checkbox("joint limits", "Keeps joints within human ranges.", settings_.limits);
     beside("balance over pins");
     checkbox("balance over pins", "Keeps the body over its pinned feet while it is dragged.",
              settings_.balance);
+    constexpr Choice kAxes[] = {{"the joint's own", static_cast<int>(RingAxes::Own)},
+                                {"its parent's", static_cast<int>(RingAxes::Parents)},
+                                {"the view's", static_cast<int>(RingAxes::Views)}};
+    auto axes = number(settings_.ringAxes);
+    choose("rings about", "The axes that the rings turn about.", kAxes, axes);
+    settings_.ringAxes = static_cast<RingAxes>(axes);
+    if (checkbox("rings by 5 degrees", "Turns by steps; Ctrl, held, does the other.",
+                 preferences_.snap))
+        writePreferences(options_.state, preferences_);
+    const bool single = ImGui::CollapsingHeader("drags turn one bone (FK)");
+    noteItem("drags turn one bone (FK)");
+    tip("Of which limbs a drag turns the bone above alone; else the whole limb follows (IK).");
+    if (single) {
+        constexpr std::array<const char*, kLimbs> kNames{"left arm", "right arm", "left leg",
+                                                         "right leg"};
+        for (size_t limb = 0; limb < kLimbs; ++limb) {
+            if (limb % 2 == 1) beside(kNames[limb]);
+            checkbox(kNames[limb], "A drag turns the bone above the joint alone.",
+                     settings_.fk[limb]);
+        }
+    }
 
     ImGui::Separator();
     hint("degrees about the joint's own axes");
@@ -245,10 +274,11 @@ void Viewer::drawPoseTab() {
             if (changed) {
                 Pose edited = pose;
                 edited.rotation[j] = degrees / kDegrees;
-                editor.setPose(settings_.limits ? clampToLimits(edited, pose) : edited);
+                editor.setPose(finished(edited, pose, j));
             }
             if (ended) editor.endGesture();
-            if (button("reset", "This joint as it was (R).")) editor.resetJoint(j);
+            if (button("reset", "This joint as it was (R)."))
+                editor.resetJoint(j, editsBothSides(j));
             if (j != joint::kPelvis) {
                 beside("pinned");
                 bool pinned = pins_.contains(j);

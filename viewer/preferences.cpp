@@ -39,6 +39,7 @@ Preferences readPreferences(const fs::path& state) {
             parsedJson({reinterpret_cast<const char*>(bytes.data()), bytes.size()},
                        fileIn(state).string(), "preferences");
         if (document.value("theme", "") == "light") found.theme = Theme::Light;
+        found.snap = document.value("snap", false);
         const double scale = document.value("scale", 1.);
         if (scale >= kSmallestScale && scale <= kLargestScale) found.scale = scale;
         for (const json& path : document.value("recent", json::array()))
@@ -65,6 +66,7 @@ void writePreferences(const fs::path& state, const Preferences& preferences) {
         bookmarks[fmt::format("{}", digit)] = {{"name", kept.name}, {"camera", kept.camera}};
     const json document = {{"theme", preferences.theme == Theme::Light ? "light" : "dark"},
                            {"scale", preferences.scale},
+                           {"snap", preferences.snap},
                            {"recent", preferences.recent},
                            {"bookmarks", bookmarks}};
     try {

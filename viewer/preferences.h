@@ -23,6 +23,7 @@ struct Preferences {
     std::vector<std::string> recent;  // files that were opened, the latest first
     Theme theme = Theme::Dark;
     double scale = 1;                   // of the interface
+    bool snap = false;                  // rings turn by steps unless Ctrl is held, not if it is
     std::map<int, Bookmark> bookmarks;  // by the digit that brings them back, 1 to 9
     bool operator==(const Preferences&) const = default;
 };

@@ -56,6 +56,10 @@ enum class Split { None, Meshes, Textures };  // body and refined; coarse and re
 
 enum class Backdrop { Colour, Picture, Capture };
 
+// What the rings of the selected joint turn about: its own axes, its parent's, or the picture's,
+// right, down and into it.
+enum class RingAxes { Own, Parents, Views };
+
 // What the panel sets.
 struct ViewSettings {
     MeshKind mesh = MeshKind::Refined;
@@ -71,6 +75,9 @@ struct ViewSettings {
     bool floor = false;
     int ghosts = 0, ghostSpacing = 5;  // to each side; frames
     bool joints = true, limits = true, balance = true;
+    RingAxes ringAxes = RingAxes::Own;
+    bool symmetric = false;         // what is done to one side is done to the other
+    std::array<bool, kLimbs> fk{};  // drags turn one bone of that Limb, and not all of it
     bool panel = true, help = false;
     bool figures = true;  // of speed, in the corner
     Theme theme = Theme::Dark;
@@ -113,6 +120,9 @@ public:
     // Of the shape that is set.
     const Skeleton& skeleton() const;
     std::optional<size_t> selected() const { return selected_; }
+    // How far the ring that is dragged has turned its joint, degrees, as it is said at the mouse;
+    // empty: none is dragged.
+    std::string turnedText() const;
     // Of the highest point above the floor, metres; nothing where there is no floor.
     std::optional<double> height(MeshKind mesh);
     const Preferences& preferences() const { return preferences_; }
@@ -313,10 +323,17 @@ private:
     std::optional<size_t> jointAt(double x, double y) const;
     struct RingHit {
         int axis;
-        glm::dvec2 tangent;  // pixels per radian
+        glm::dvec3 direction;  // the axis in the world
+        glm::dvec2 tangent;    // pixels per radian
     };
     std::optional<RingHit> ringAt(double x, double y) const;
     std::vector<glm::dvec2> ring(int axis, const Pane& pane) const;
+    // The selected joint's, as columns in the world.
+    glm::dmat3 ringAxes(const PosedSkeleton& body) const;
+    // Whether what is done to this joint is done to the one across, which no pin holds.
+    bool editsBothSides(size_t joint) const;
+    // What an edit of the joint makes of `began`: within limits, on both sides.
+    Pose finished(const Pose& pose, const Pose& began, size_t joint) const;
     void drawOverlays();
     // Words on something to read them from.
     void drawLabel(const glm::vec2& at, const std::string& words) const;
@@ -446,6 +463,8 @@ private:
     bool dragMoved_ = false;  // further than a click does
     glm::dvec3 dragGoal_{};   // that was solved for last
     RingHit dragRing_{};
+    double dragAsked_ = 0,
+           dragTurned_ = 0;  // by the ring, radians: by the mouse, and as limits let
 
     // The panel.
     std::string tab_, tabWanted_;  // that is open; that shall be

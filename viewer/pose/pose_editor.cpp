@@ -227,14 +227,19 @@ void PoseEditor::openTake(const Take& take, double time, std::string_view what) 
     time_ = time;
 }
 
-void PoseEditor::resetJoint(size_t joint) {
-    setPose(doppel::resetJoint(now_.pose, joint, original()),
-            fmt::format("reset {}", jointName(joint)));
+void PoseEditor::resetJoint(size_t joint, bool andTheOneAcross) {
+    Pose pose = doppel::resetJoint(now_.pose, joint, original());
+    if (andTheOneAcross) pose = doppel::resetJoint(pose, oppositeJoint(joint), original());
+    setPose(pose, fmt::format("reset {}", jointName(joint)));
 }
 
 void PoseEditor::resetPose() { setPose(original(), "reset pose"); }
 void PoseEditor::resetBetas() { setBetas(openedBetas_, "reset shape"); }
 void PoseEditor::mirror() { setPose(mirrored(now_.pose), "mirror"); }
+void PoseEditor::copySide(bool leftToRight) {
+    setPose(sideCopied(now_.pose, leftToRight),
+            leftToRight ? "copy left to right" : "copy right to left");
+}
 
 std::string PoseEditor::copy() const { return poseText(now_.pose, now_.betas); }
 

@@ -90,10 +90,11 @@ public:
     size_t steps() const { return past_.size(); }
 
     // ---- edits ----
-    void resetJoint(size_t joint);
+    void resetJoint(size_t joint, bool andTheOneAcross = false);
     void resetPose();
     void resetBetas();
     void mirror();
+    void copySide(bool leftToRight);
 
     // Text for the clipboard (pose_text.h).
     std::string copy() const;

@@ -231,6 +231,52 @@ Pose mirrored(const Pose& pose) {
     return result;
 }
 
+Pose mirroredAcross(const Skeleton& skeleton, const Pose& pose, const Pose& began, size_t joint) {
+    CHECK(joint < joint::kCount, "joint {} is one of {}", joint, kJointCount);
+    Pose result = pose;
+    for (size_t j = joint; oppositeJoint(j) != j; j = static_cast<size_t>(skeleton.parents[j]))
+        if (pose.rotation[j] != began.rotation[j])
+            result.rotation[oppositeJoint(j)] = mirror(pose.rotation[j]);
+    return result;
+}
+
+glm::dvec3 placeAcross(const Skeleton& skeleton, const PosedSkeleton& posed, size_t joint,
+                       const glm::dvec3& place) {
+    CHECK(joint < joint::kCount, "joint {} is one of {}", joint, kJointCount);
+    size_t trunk = joint;
+    while (oppositeJoint(trunk) != trunk) trunk = static_cast<size_t>(skeleton.parents[trunk]);
+    const glm::dvec3 side = posed.rotation[trunk] * kX;
+    return place - 2 * glm::dot(place - posed.position[trunk], side) * side;
+}
+
+Pose sideCopied(const Pose& pose, bool leftToRight) {
+    Pose result = pose;
+    for (size_t j = 1; j < joint::kCount; ++j)
+        if (oppositeJoint(j) != j && isRight(j) != leftToRight)
+            result.rotation[oppositeJoint(j)] = mirror(pose.rotation[j]);
+    return result;
+}
+
+// ---- limbs --------------------------------------------------------------------------------------
+
+std::optional<Limb> limbOf(const Skeleton& skeleton, size_t joint) {
+    constexpr std::array<size_t, kLimbs> kHighest{joint::kLeftShoulder, joint::kRightShoulder,
+                                                  joint::kLeftKnee, joint::kRightKnee};
+    for (size_t limb = 0; limb < kLimbs; ++limb)
+        if (skeleton.hangsOn(joint, kHighest[limb])) return static_cast<Limb>(limb);
+    return std::nullopt;
+}
+
+Pose pointBone(const Skeleton& skeleton, const Pose& pose, size_t joint, const glm::dvec3& goal) {
+    CHECK(joint > 0 && joint < joint::kCount, "joint {} hangs on another one", joint);
+    const auto parent = static_cast<size_t>(skeleton.parents[joint]);
+    const PosedSkeleton posed = forwardKinematics(skeleton, pose);
+    const glm::dvec3 bone = posed.position[joint] - posed.position[parent],
+                     to = goal - posed.position[parent], axis = glm::cross(bone, to);
+    return rotateJoint(skeleton, pose, parent, axis,
+                       std::atan2(glm::length(axis), glm::dot(bone, to)));
+}
+
 // ---- limits -------------------------------------------------------------------------------------
 
 glm::dquat clampJoint(size_t joint, const glm::dquat& rotation, const glm::dquat& began) {

@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <glm/glm.hpp>
 #include <glm/gtc/quaternion.hpp>
+#include <optional>
 
 #include "nn/body/body.h"
 #include "trainer/data/pose.h"
@@ -57,6 +58,29 @@ Pose resetJoint(const Pose& pose, size_t joint, const Pose& original);
 // heads where it headed, stands where it stood, and a lean to the left becomes one to the right. A
 // body lying on its side has no such plane and keeps the pelvis as it is. Twice is the pose again.
 Pose mirrored(const Pose& pose);
+
+// Symmetric editing: what was done to the limb that ends in `joint`, done to the one across. Of the
+// joints from `joint` up to where both limbs hang on the trunk, those whose rotation is not that of
+// `began` have its mirror image on the other side. A joint in the middle has no other side.
+Pose mirroredAcross(const Skeleton& skeleton, const Pose& pose, const Pose& began, size_t joint);
+// The mirror image of a place, in the plane that parts the body in two where the joint's limb hangs
+// on the trunk, as that is posed. Metres, the pose's space.
+glm::dvec3 placeAcross(const Skeleton& skeleton, const PosedSkeleton& posed, size_t joint,
+                       const glm::dvec3& place);
+// One side's rotations, mirrored, on the other; what is in the middle stays.
+Pose sideCopied(const Pose& pose, bool leftToRight);
+
+// ---- limbs --------------------------------------------------------------------------------------
+
+enum class Limb { LeftArm, RightArm, LeftLeg, RightLeg };
+constexpr size_t kLimbs = 4;
+// The limb of which the joint is dragged; nothing for the trunk, collars and hips.
+std::optional<Limb> limbOf(const Skeleton& skeleton, size_t joint);
+
+// The pose in which the joint's parent alone has turned, by the shortest way, so that the bone to
+// the joint points at `goal`: a drag with forward kinematics. As it is where the bone or the way
+// has no length.
+Pose pointBone(const Skeleton& skeleton, const Pose& pose, size_t joint, const glm::dvec3& goal);
 
 // ---- limits -------------------------------------------------------------------------------------
 
