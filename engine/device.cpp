@@ -93,7 +93,8 @@ Device::Device(DeviceOptions options) {
         precision_ = options.precision;
         secondsPerSubmit_ = options.secondsPerSubmit;
         // A CPU emulates them, several times slower than plain kernels: for tests.
-        bool units = !kernelPath().onCpu || environmentSays("DOPPEL_MATRIX_UNITS", "emulated");
+        const bool units = kernelPath().onCpu ? environmentSays("DOPPEL_MATRIX_UNITS", "emulated")
+                                              : !environmentSays("DOPPEL_MATRIX_UNITS", "off");
         if (precision_ == Precision::Mixed && addresses && units) matrixUnits_ = info_.halfMatrices;
 
         float priority = 1;

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -15,6 +16,13 @@
 #include <vector>
 
 namespace doppel::test {
+
+// The source that the tests came from, with their data; DOPPEL_SOURCE says where it is on another
+// machine.
+inline std::filesystem::path sourceFolder() {
+    const char* elsewhere = std::getenv("DOPPEL_SOURCE");
+    return elsewhere && *elsewhere ? elsewhere : DOPPEL_SOURCE_DIR;
+}
 
 // A fresh folder, gone with the object.
 class Folder {

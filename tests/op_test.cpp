@@ -209,7 +209,10 @@ static std::map<Precision, std::unique_ptr<Device>> devices;
 Device& testDevice(Precision precision) {
     std::unique_ptr<Device>& device = devices[precision];
     // A missing device throws, and that fails the test.
-    if (!device) device = std::make_unique<Device>(DeviceOptions{.precision = precision});
+    const char* name = std::getenv("DOPPEL_DEVICE");
+    if (!device)
+        device = std::make_unique<Device>(
+            DeviceOptions{.name = name ? name : "", .precision = precision});
     return *device;
 }
 

@@ -205,10 +205,9 @@ TEST_F(Batch, SnakemakeRunsIt) {
 TEST_F(Batch, SlurmRunsItAndANodeDies) {
     for (const char* name : {"slurmctld", "slurmd", "sbatch", "munged"})
         if (!has(name)) GTEST_SKIP() << name << " is not installed here";
-    const Outcome run =
-        start({"env", "FLAGS=" + flags({{"texels.steps", "40"}}), "ACTORS=4", "SIZE=64",
-               "PROGRAM=" + program().string(), "SLURM_PORT=26817",
-               std::string(DOPPEL_SOURCE_DIR) + "/scripts/slurm-example", at("results")});
+    const Outcome run = start({"env", "FLAGS=" + flags({{"texels.steps", "40"}}), "ACTORS=4",
+                               "SIZE=64", "PROGRAM=" + program().string(), "SLURM_PORT=26817",
+                               sourceFolder().string() + "/scripts/slurm-example", at("results")});
     EXPECT_EQ(run.status, 0) << run.out << run.err;
     EXPECT_THAT(run.out, HasSubstr("node n1 dies, and with it task "));
     const std::string table = text("results/people/summary.csv");

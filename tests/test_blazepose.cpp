@@ -13,6 +13,7 @@
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
 #include "engine/files/numbers.h"
+#include "tests/files.h"
 #include "tests/op_test.h"
 #include "trainer/person/tracker.h"
 
@@ -21,14 +22,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const fs::path kData = fs::path(DOPPEL_SOURCE_DIR) / "tests/data/blazepose";
+const fs::path kData = test::sourceFolder() / "tests/data/blazepose";
 
-#define NEEDS_MODELS(net)                                                       \
-    if (!poseModelsAreThere(net, fs::path(DOPPEL_SOURCE_DIR) / "build/models")) \
+#define NEEDS_MODELS(net)                                                \
+    if (!poseModelsAreThere(net, test::sourceFolder() / "build/models")) \
     GTEST_SKIP() << "scripts/setup --models fetches the networks"
 
 BlazePose blazePose(PoseNet net) {
-    return BlazePose(testDevice(), net, fs::path(DOPPEL_SOURCE_DIR) / "build/models");
+    return BlazePose(testDevice(), net, test::sourceFolder() / "build/models");
 }
 
 // Little-endian numbers, of single or half precision by the file's name.
@@ -199,7 +200,7 @@ TEST(BlazePose, BothWaysAMirrorImageIsTheSamePerson) {
 }
 
 // A film of a real person, which is not ours to give: read from the data folder beside the source.
-const fs::path kShared = fs::path(DOPPEL_SOURCE_DIR) / "../shared/data";
+const fs::path kShared = test::sourceFolder() / "../shared/data";
 
 TEST(BlazePose, PicturesGiveTheOfficialLandmarks) {
     const fs::path folder = kShared / "blazepose/official";

@@ -75,7 +75,7 @@ protected:
         const std::string command = fmt::format(
             "blender --background --factory-startup --python-exit-code 1 --python "
             "'{}/tests/blender/{}' -- {} > '{}' 2>&1",
-            DOPPEL_SOURCE_DIR, script, words, (folder_ / "log").string());
+            test::sourceFolder().string(), script, words, (folder_ / "log").string());
         EXPECT_EQ(std::system(command.c_str()), 0) << test::bytesOf(folder_ / "log");
     }
 

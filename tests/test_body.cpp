@@ -8,12 +8,13 @@
 
 #include "nn/body/body_atlas.h"
 #include "nn/ops/body.h"
+#include "tests/files.h"
 #include "tests/op_test.h"
 
 namespace doppel {
 namespace {
 
-const std::string kDefaultBody = DOPPEL_SOURCE_DIR "/assets/body/default.npz";
+const std::string kDefaultBody = test::sourceFolder() / "assets/body/default.npz";
 
 const std::vector<int64_t> kTree = {
     0xffffffff, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7,  8,  9,  9,  9,  12, 13, 14, 16, 17, 18, 19, 20, 21,

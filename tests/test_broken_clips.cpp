@@ -22,8 +22,8 @@ namespace fs = std::filesystem;
 using test::Folder;
 using test::messageOf;
 
-const fs::path kClips = fs::path(DOPPEL_SOURCE_DIR) / "tests/data/clips";
-const fs::path kModels = fs::path(DOPPEL_SOURCE_DIR) / "build/models";
+const fs::path kClips = test::sourceFolder() / "tests/data/clips";
+const fs::path kModels = test::sourceFolder() / "build/models";
 
 #define NEEDS_MODELS()                               \
     if (!poseModelsAreThere(PoseNet::Lite, kModels)) \

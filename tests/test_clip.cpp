@@ -442,13 +442,12 @@ BodyPicture noBody(const Camera& camera, const Theta&, const Trans&, const Betas
 }
 
 TEST(ImportClip, AFilmBecomesACapture) {
-    const fs::path models = fs::path(DOPPEL_SOURCE_DIR) / "build/models";
+    const fs::path models = test::sourceFolder() / "build/models";
     if (!poseModelsAreThere(PoseNet::Lite, models))
         GTEST_SKIP() << "scripts/setup --models fetches the networks";
     Folder folder;
     // A drawn figure, which moves to the right before a grey wall.
-    const Image scene =
-        readImage(fs::path(DOPPEL_SOURCE_DIR) / "tests/data/blazepose/scene_512.png");
+    const Image scene = readImage(test::sourceFolder() / "tests/data/blazepose/scene_512.png");
     std::vector<Image> pictures;
     for (int i = 0; i < 6; ++i) {
         Image picture(640, 512, 3, 128);
@@ -484,7 +483,7 @@ TEST(ImportClip, AFilmBecomesACapture) {
     EXPECT_NEAR(landmarks.at("time").toF64()[2], .4, 1e-3);
     const Image mask = readMask(*capture.frames[0].mask);
     const Image wanted =
-        readMask(fs::path(DOPPEL_SOURCE_DIR) / "tests/data/blazepose/scene_mask_tflite_c0.png");
+        readMask(test::sourceFolder() / "tests/data/blazepose/scene_mask_tflite_c0.png");
     ASSERT_EQ(mask.width, 640);
     std::vector<uint8_t> figure;
     for (int y = 0; y < 512; ++y) figure.insert(figure.end(), mask.row(y), mask.row(y) + 512);
@@ -493,7 +492,7 @@ TEST(ImportClip, AFilmBecomesACapture) {
 
 // A drawn person whose joints are known.
 TEST(ImportClip, ASyntheticActorsJointsAreFound) {
-    const fs::path models = fs::path(DOPPEL_SOURCE_DIR) / "build/models";
+    const fs::path models = test::sourceFolder() / "build/models";
     if (!poseModelsAreThere(PoseNet::Heavy, models))
         GTEST_SKIP() << "scripts/setup --models fetches the networks";
     Folder folder;
@@ -527,7 +526,7 @@ TEST(ImportClip, ASyntheticActorsJointsAreFound) {
 }
 
 TEST(ImportClip, BrokenFilesAreRefused) {
-    const fs::path models = fs::path(DOPPEL_SOURCE_DIR) / "build/models";
+    const fs::path models = test::sourceFolder() / "build/models";
     if (!poseModelsAreThere(PoseNet::Lite, models))
         GTEST_SKIP() << "scripts/setup --models fetches the networks";
     Folder folder;

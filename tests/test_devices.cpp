@@ -22,7 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-fs::path limitsFolder() { return fs::path(DOPPEL_SOURCE_DIR) / "tests" / "devices"; }
+fs::path limitsFolder() { return test::sourceFolder() / "tests" / "devices"; }
 
 struct Expected {
     const char* file;

@@ -110,7 +110,7 @@ TEST(Fit, HeadsThatWereFoundByThemselvesStay) {
 // What the network makes of a picture that a formula gives, beside the same file run with NumPy in
 // double precision.
 TEST(FaceFinder, TheNetworkComputesWhatItsFileSays) {
-    const fs::path models = fs::path(DOPPEL_SOURCE_DIR) / "build/models";
+    const fs::path models = test::sourceFolder() / "build/models";
     if (!FaceFinder::isThere(models)) GTEST_SKIP() << "scripts/setup --models fetches the network";
     constexpr int kSide = 192;
     std::vector<float> rgb;
@@ -122,7 +122,7 @@ TEST(FaceFinder, TheNetworkComputesWhatItsFileSays) {
                    {3 * FaceMesh::kPoints, 1});
     const auto raw = net.run(rgb);
     const std::vector<uint8_t> bytes =
-        readWholeFile(fs::path(DOPPEL_SOURCE_DIR) / "tests/data/blazepose/face_formula.f32");
+        readWholeFile(test::sourceFolder() / "tests/data/blazepose/face_formula.f32");
     ASSERT_EQ(bytes.size(), 4 * (3 * FaceMesh::kPoints + 1));
     double largest = 0;
     for (size_t i = 0; i < 3 * FaceMesh::kPoints; ++i)
@@ -135,7 +135,7 @@ TEST(FaceFinder, TheNetworkComputesWhatItsFileSays) {
 }
 
 TEST(FaceFinder, ActorsLookWhereTheirHeadsDo) {
-    const fs::path models = fs::path(DOPPEL_SOURCE_DIR) / "build/models";
+    const fs::path models = test::sourceFolder() / "build/models";
     if (!poseModelsAreThere(PoseNet::Full, models) || !FaceFinder::isThere(models))
         GTEST_SKIP() << "scripts/setup --models fetches the networks";
     Folder folder;

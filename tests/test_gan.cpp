@@ -6,6 +6,7 @@
 #include "nn/ops/loss.h"
 #include "nn/ops/raster.h"
 #include "nn/steps/refine_step.h"
+#include "tests/files.h"
 #include "tests/op_test.h"
 
 namespace doppel {
@@ -223,7 +224,7 @@ TEST(Planar, BatchesKeepTheirOrder) {
 // tests/networks/*.npz: PyTorch's numbers (float64, rounded) for discriminators of width 4; the
 // gradients are those of the least-squares loss on "real".
 void checkAgainst(const std::string& file, const PatchDiscriminatorConfig& config) {
-    Npz golden = readNpz(DOPPEL_SOURCE_DIR "/tests/networks/" + file);
+    Npz golden = readNpz(test::sourceFolder() / "tests/networks" / file);
     PatchDiscriminator net(config, "discriminator", 1);
     net.allocate(testDevice());
     size_t given = 0;

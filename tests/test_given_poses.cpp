@@ -7,6 +7,7 @@
 #include "engine/error.h"
 #include "engine/io/image.h"
 #include "tests/estimate_scene.h"
+#include "tests/files.h"
 #include "trainer/import/import.h"
 #include "trainer/motion/motion.h"
 
@@ -157,7 +158,7 @@ TEST(GivenPoses, RefusesWhatDoesNotFit) {
 
 // Real outputs of SPIN, where they are: what the layout's importer makes of the same files.
 TEST(GivenPoses, RealPosesOfSpin) {
-    const fs::path views = fs::path(DOPPEL_SOURCE_DIR) / "../shared/data/retargeting/8-views";
+    const fs::path views = test::sourceFolder() / "../shared/data/retargeting/8-views";
     if (!fs::exists(views)) GTEST_SKIP() << "no dataset in ../shared/data";
     Folder folder;
     const BodyModel body = bodyFromNpz(readBodyArrays("default"));

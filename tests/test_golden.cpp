@@ -11,7 +11,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const fs::path kGolden = DOPPEL_SOURCE_DIR "/tests/golden";
+const fs::path kGolden = test::sourceFolder() / "tests/golden";
 
 std::vector<fs::path> goldenFiles() {
     std::vector<fs::path> files;

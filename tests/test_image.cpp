@@ -308,7 +308,7 @@ TEST(Image, damageIsRefusedNotFollowed) {
 
 TEST(Image, readsARealCapture) {
     const std::filesystem::path capture =
-        std::filesystem::path(DOPPEL_SOURCE_DIR) / "../shared/data/retargeting/8-views";
+        test::sourceFolder() / "../shared/data/retargeting/8-views";
     if (!std::filesystem::exists(capture)) GTEST_SKIP() << "needs the real captures of ../shared";
     const Image frame = readImage(capture / "images/GOPR95340000000000.jpg");
     EXPECT_EQ(frame.width, 1000);

@@ -11,9 +11,9 @@
 #include "tests/files.h"
 #include "trainer/eval/metrics.h"
 #include "trainer/import/chroma_key.h"
-#include "trainer/person/mask_tools.h"
 #include "trainer/import/import.h"
 #include "trainer/import/overlay.h"
+#include "trainer/person/mask_tools.h"
 
 namespace doppel {
 namespace {
@@ -467,9 +467,7 @@ TEST(Import, AnImporterIsOneDeclaration) {
 
 // ---- the dataset itself, where it is ------------------------------------------------------------
 
-fs::path dataset() {
-    return fs::path(DOPPEL_SOURCE_DIR) / ".." / "shared" / "data" / "retargeting";
-}
+fs::path dataset() { return test::sourceFolder() / ".." / "shared" / "data" / "retargeting"; }
 
 TEST(ImportData, EightViews) {
     if (!fs::exists(dataset() / "8-views")) GTEST_SKIP() << "no dataset in ../shared/data";

@@ -58,7 +58,7 @@ TEST_F(Install, KnowsNoFolderOfTheBuild) {
     GTEST_SKIP() << "AddressSanitizer itself keeps the names of sources in the programs";
 #endif
     for (const std::string& folder :
-         {std::string(DOPPEL_SOURCE_DIR), program().parent_path().string()})
+         {test::sourceFolder().string(), program().parent_path().string()})
         for (const auto& [name, bytes] : tree(prefix()))
             EXPECT_EQ(bytes.find(folder), bytes.npos) << folder << " in " << name;
 }

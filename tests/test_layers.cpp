@@ -167,7 +167,7 @@ testing::AssertionResult isEmpty(const std::vector<std::string>& sentences) {
     return testing::AssertionFailure() << sentences.size() << ":" << text;
 }
 
-const fs::path kRoot = DOPPEL_SOURCE_DIR;
+const fs::path kRoot = test::sourceFolder();
 const std::vector<std::string> kCode = {"engine", "nn", "trainer", "viewer"};
 const std::vector<std::string> kFolders = {"engine", "nn", "trainer", "viewer", "shaders"};
 

@@ -21,7 +21,7 @@ TEST_F(Library, AnotherProgramFindsItAndDrawsAnAvatar) {
     };
     run({"cmake", "--install", program().parent_path().string(), "--component", "development",
          "--prefix", prefix.string()});
-    run({"cmake", "-S", DOPPEL_SOURCE_DIR "/docs/example", "-B", build.string(),
+    run({"cmake", "-S", test::sourceFolder() / "docs/example", "-B", build.string(),
          "-DCMAKE_PREFIX_PATH=" + prefix.string(), "-DCMAKE_BUILD_TYPE=Debug"});
     run({"cmake", "--build", build.string()});
     const fs::path picture = *this / "wave.png";

@@ -8,6 +8,7 @@
 #include <random>
 
 #include "nn/steps/mesh_step.h"
+#include "tests/files.h"
 #include "tests/op_test.h"
 
 namespace doppel {
@@ -52,7 +53,7 @@ std::vector<double> toDouble(const std::vector<float>& values) {
 }
 
 TEST(MeshNet, MatchesTheAuthorsHead) {
-    Npz golden = readNpz(DOPPEL_SOURCE_DIR "/tests/data/mesh_net_ico1.npz");
+    Npz golden = readNpz(test::sourceFolder() / "tests/data/mesh_net_ico1.npz");
     Refined got = run({.blocks = 2, .layers = 2, .hidden = 16}, golden.at("verts").toF32(),
                       golden.at("faces").toI32(), golden.at("limit").toF32(),
                       golden.at("grad_out").toF32(), [&](Parameters& parameters) {
@@ -168,7 +169,7 @@ TEST(MeshNet, SharedBetweenBodies) {
 // A body that is posed again and again: what a pose leaves where it is is not computed again, and
 // the mesh has the bits of one that is computed from the beginning.
 TEST(MeshNet, ComputesNoMoreThanAPoseMoved) {
-    BodyModel body = bodyFromNpz(readNpz(DOPPEL_SOURCE_DIR "/assets/body/default.npz"));
+    BodyModel body = bodyFromNpz(readNpz(test::sourceFolder() / "assets/body/default.npz"));
     MeshNetConfig config{.blocks = 2, .layers = 2, .hidden = 32, .deviation = 0.05f};
     Parameters parameters;
     addMeshNetParameters(parameters, config, 5);

@@ -25,7 +25,7 @@ namespace fs = std::filesystem;
 using test::Folder;
 using test::messageOf;
 
-const fs::path kModels = fs::path(DOPPEL_SOURCE_DIR) / "build/models";
+const fs::path kModels = test::sourceFolder() / "build/models";
 
 #define NEEDS_MODELS()                               \
     if (!poseModelsAreThere(PoseNet::Lite, kModels)) \

@@ -77,7 +77,7 @@ std::pair<std::vector<float>, std::vector<float>> pictures(size_t count) {
 }
 
 TEST(Lpips, AgreesWithPyTorch) {
-    Npz golden = readNpz(DOPPEL_SOURCE_DIR "/tests/networks/lpips.npz");
+    Npz golden = readNpz(test::sourceFolder() / "tests/networks/lpips.npz");
     int height = int(golden.at("height").integer()), width = int(golden.at("width").integer());
     auto [a, b] = pictures(3 * size_t(height) * size_t(width));
     for (LpipsNet net : {LpipsNet::alex, LpipsNet::vgg, LpipsNet::squeeze}) {
@@ -152,7 +152,7 @@ Safetensors inceptionFile(int64_t classes) {
 }
 
 TEST(VideoFeatures, AgreesWithPyTorch) {
-    Npz golden = readNpz(DOPPEL_SOURCE_DIR "/tests/networks/inception3d.npz");
+    Npz golden = readNpz(test::sourceFolder() / "tests/networks/inception3d.npz");
     int frames = int(golden.at("frames").integer()), height = int(golden.at("height").integer()),
         width = int(golden.at("width").integer());
     Safetensors file = inceptionFile(golden.at("logits").shape[0]);

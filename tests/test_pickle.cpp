@@ -18,7 +18,7 @@ using namespace std::string_literals;
 using Kind = PickleValue::Kind;
 using test::messageOf;
 
-const std::filesystem::path kPickles = std::filesystem::path(DOPPEL_SOURCE_DIR) / "tests/pickles";
+const std::filesystem::path kPickles = test::sourceFolder() / "tests/pickles";
 
 PickleValue parse(const std::string& text) {
     return pickleFromBytes({reinterpret_cast<const uint8_t*>(text.data()), text.size()}, "p.pkl");
@@ -279,8 +279,7 @@ TEST(Pickle, damageIsRefusedNotFollowed) {
 }
 
 TEST(Pickle, readsTheRealCaptures) {
-    const std::filesystem::path data =
-        std::filesystem::path(DOPPEL_SOURCE_DIR) / "../shared/data/retargeting";
+    const std::filesystem::path data = test::sourceFolder() / "../shared/data/retargeting";
     if (!std::filesystem::exists(data)) GTEST_SKIP() << "needs the real captures of ../shared";
     int frames = 0;
     for (const auto& entry : std::filesystem::recursive_directory_iterator(data)) {

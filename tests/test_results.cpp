@@ -108,7 +108,7 @@ TEST(Results, PaperFigures) {
     EXPECT_EQ(paperActor("S3")->ssim, .852);
     EXPECT_FALSE(paperMotion("swim"));
     EXPECT_EQ(paperAblation("no-clamp")->fvd, 829.60);
-    std::ifstream file(DOPPEL_SOURCE_DIR "/../shared/paper.tex");
+    std::ifstream file(test::sourceFolder() / "../shared/paper.tex");
     if (!file) GTEST_SKIP() << "the paper's source is not here";
     const std::string text{std::istreambuf_iterator<char>(file), {}};
     // Numbers of a row: everything but digits and points is a separator; commas are thousands'.

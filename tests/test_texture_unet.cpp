@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "nn/core/initialise.h"
+#include "tests/files.h"
 #include "tests/op_test.h"
 
 namespace doppel {
@@ -10,7 +11,7 @@ namespace {
 
 // tests/networks/*.npz: PyTorch's numbers (float64, rounded) for networks of width 4 on 32x32.
 void checkAgainst(const std::string& file, int64_t inputChannels) {
-    Npz golden = readNpz(DOPPEL_SOURCE_DIR "/tests/networks/" + file);
+    Npz golden = readNpz(test::sourceFolder() / "tests/networks" / file);
     TextureUnet net({.size = 32, .width = 4, .inputChannels = inputChannels}, "texture", 1);
     net.allocate(testDevice());
     size_t given = 0;

@@ -15,7 +15,7 @@ namespace {
 using test::Folder;
 using test::messageOf;
 
-const std::filesystem::path kFolder = DOPPEL_SOURCE_DIR "/tests/weights";
+const std::filesystem::path kFolder = test::sourceFolder() / "tests/weights";
 
 void expectTensor(const Safetensors& file, const char* name, std::vector<int64_t> shape,
                   std::vector<float> values) {

@@ -238,7 +238,7 @@ inline void writeColouredCapture(const fs::path& folder, const Motion& motion) {
 // Against tests/screens/NAME.png, a quarter of the size; DOPPEL_WRITE_SCREENS=1 writes it anew.
 inline void expectScreen(const Image& picture, const std::string& name) {
     Image small = resize(picture, picture.width / 4, picture.height / 4);
-    fs::path path = fs::path(DOPPEL_SOURCE_DIR) / "tests" / "screens" / (name + ".png");
+    fs::path path = sourceFolder() / "tests" / "screens" / (name + ".png");
     const char* writes = getenv("DOPPEL_WRITE_SCREENS");
     if (writes && std::string_view(writes) == "1") {
         fs::create_directories(path.parent_path());

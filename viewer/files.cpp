@@ -57,8 +57,8 @@ Take Viewer::readForPlaying(const fs::path& path, const std::string& frames) {
     std::vector<TrainedFrame> trained;
     if (!take) {
         Motion read = readMotion(path);
-        const RetargetTarget target = targetOf(avatar_->avatar, options_.avatar, read);
-        const std::vector<TrainedFrame> known = trainedFrames(options_.avatar, read);
+        const RetargetTarget target = targetOf(avatar_->avatar, source_.folder(), read);
+        const std::vector<TrainedFrame> known = trainedFrames(source_.folder(), read);
         Retargeted retargeted = retargetTo(target, std::move(read), options_.retarget);
         if (!retargeted.summary.empty()) say(path.filename().string() + ": " + retargeted.summary);
         std::vector<size_t> chosen = selectFrames(frames, retargeted.motion.size());
@@ -103,6 +103,8 @@ void Viewer::loadMotion(const fs::path& path, const std::string& frames) {
     editor_->markSaved();
     if (keyed) savedFiles_[editor_->opening()] = {absolutePath(path)};
     timeline_ = 0;
+    motionFile_ = path;
+    motionFrames_ = frames;
     showTime();
     if (!motion() || motion()->cameras.empty()) settings_.captureCamera = false;
     ++backdropVersion_;
@@ -119,6 +121,7 @@ void Viewer::closeMotion() {
     editor_->openMotion(nullptr, "close motion");
     editor_->markSaved();  // the pose that is left was the motion's
     settings_.captureCamera = false;
+    motionFile_.clear();
     timeline_ = 0;
 }
 
@@ -140,6 +143,8 @@ void Viewer::pastePose(const fs::path& path) {
 
 void Viewer::openFile(const fs::path& path) {
     if (film_) throwInput("{}: a film is being drawn; Escape gives it up", path.string());
+    if (path.filename() == "avatar.toml") return openAvatar(path.parent_path());
+    if (LiveAvatar::isAvatar(path)) return openAvatar(path);
     const std::string extension = endingOf(path);
     if (extension == ".json")
         pastePose(path);
@@ -149,6 +154,29 @@ void Viewer::openFile(const fs::path& path) {
                     [this, path] { loadMotion(path); });
     else
         loadPicture(path);
+}
+
+void Viewer::askForFile(FileDialog::Asks asks, const std::string& title,
+                        std::function<void(const fs::path&)> then) {
+    fs::path start = fs::current_path() / "";
+    if (asks == FileDialog::Asks::NewFile)
+        start = freeName("poses", ".npz");
+    else if (!preferences_.recent.empty())
+        start = fs::path(preferences_.recent[0]).parent_path() / "";
+    dialogThen_ = std::move(then);
+    dialog_.open(asks, title, fs::absolute(start));
+}
+
+void Viewer::chooseFile(FileDialog::Asks asks) {
+    askForFile(asks,
+               asks == FileDialog::Asks::File ? "Open a motion, a pose or a picture"
+                                              : "Open an avatar, a capture or a folder of poses",
+               [this](const fs::path& path) { openFile(path); });
+}
+
+void Viewer::chooseNewFile() {
+    askForFile(FileDialog::Asks::NewFile, "Save the poses as .npz",
+               [this](const fs::path& path) { saveAs(path); });
 }
 
 void Viewer::opened(const fs::path& file) {

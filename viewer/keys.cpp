@@ -56,7 +56,12 @@ void Viewer::handleKeys() {
                     });
                     break;
                 case GLFW_KEY_S:
-                    attempt([&] { save(); });
+                    attempt([&] { shift ? chooseNewFile() : save(); });
+                    break;
+                case GLFW_KEY_O:
+                    attempt([&] {
+                        chooseFile(shift ? FileDialog::Asks::Folder : FileDialog::Asks::File);
+                    });
                     break;
                 case GLFW_KEY_EQUAL:
                 case GLFW_KEY_KP_ADD:

@@ -52,9 +52,9 @@ std::shared_ptr<LoadedAvatar> read(const fs::path& folder, const fs::path& from)
 LiveAvatar::LiveAvatar(fs::path folder) : folder_(std::move(folder)) {}
 
 // avatar.toml is the last file of an avatar to be written.
-LiveAvatar::Stamp LiveAvatar::newest() const {
+LiveAvatar::Stamp LiveAvatar::newest(const fs::path& folder) {
     Stamp newest;
-    for (const fs::path& path : {folder_, liveFolder(folder_)}) {
+    for (const fs::path& path : {folder, liveFolder(folder)}) {
         std::error_code error;
         fs::file_time_type time = fs::last_write_time(path / "avatar.toml", error);
         if (!error && (newest.first.empty() || time > newest.second)) newest = {path, time};
@@ -62,8 +62,10 @@ LiveAvatar::Stamp LiveAvatar::newest() const {
     return newest;
 }
 
+bool LiveAvatar::isAvatar(const fs::path& folder) { return !newest(folder).first.empty(); }
+
 std::shared_ptr<LoadedAvatar> LiveAvatar::load() {
-    Stamp stamp = newest();
+    Stamp stamp = newest(folder_);
     std::shared_ptr<LoadedAvatar> loaded =
         read(folder_, stamp.first.empty() ? folder_ : stamp.first);
     seen_ = stamp;
@@ -80,7 +82,7 @@ std::shared_ptr<LoadedAvatar> LiveAvatar::changed() {
             return nullptr;
         }
     }
-    Stamp stamp = newest();
+    Stamp stamp = newest(folder_);
     if (stamp.first.empty() || stamp == seen_) return nullptr;
     seen_ = stamp;
     reading_ = std::async(std::launch::async, read, folder_, stamp.first);

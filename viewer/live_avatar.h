@@ -21,6 +21,8 @@ struct LoadedAvatar {
 class LiveAvatar {
 public:
     explicit LiveAvatar(std::filesystem::path folder);
+    // Whether the folder is an avatar's, or that of a run that has left its state.
+    static bool isAvatar(const std::filesystem::path& folder);
 
     // InputError where there is no avatar.
     std::shared_ptr<LoadedAvatar> load();
@@ -32,7 +34,7 @@ public:
 
 private:
     using Stamp = std::pair<std::filesystem::path, std::filesystem::file_time_type>;
-    Stamp newest() const;
+    static Stamp newest(const std::filesystem::path& folder);
 
     std::filesystem::path folder_;
     Stamp seen_;

@@ -364,7 +364,7 @@ void Viewer::drawFilmControls(bool enabled) {
 void Viewer::drawFilesTab() {
     ImGui::BeginDisabled(film_ != nullptr);
     words(
-        "Drop a capture, a poses.npz, a .bvh, a pose's .json or a picture on the window, or name "
+        "Drop an avatar, a capture, a motion, a pose's .json or a picture on the window, or name "
         "it:");
     ImGui::PushItemWidth(-1);
     bool entered = ImGui::InputText("##path", pathText_.data(), pathText_.size(),
@@ -377,11 +377,23 @@ void Viewer::drawFilesTab() {
     tip("A file or folder; Enter opens it.");
     ImGui::PopItemWidth();
     const bool named = pathText_[0] != 0;
-    if ((button("open", "A motion, a pose or a picture of this name.", named) || entered) && named)
+    if ((button("open", "The avatar, motion, pose or picture of this name.", named) || entered) &&
+        named)
         attempt([&] { openFile(std::filesystem::path(pathText_.data())); });
     beside("save poses as");
     if (button("save poses as", "Saves what is edited under this name.", named))
         attempt([&] { saveAs(std::filesystem::path(pathText_.data())); });
+    const bool asks = FileDialog::isThere();
+    const char* none = asks ? "" : " It needs zenity or kdialog, which are not installed.";
+    if (button("choose a file", std::string("A motion, a pose or a picture (Ctrl + O).") + none,
+               asks))
+        attempt([&] { chooseFile(FileDialog::Asks::File); });
+    beside("choose a folder");
+    if (button("choose a folder",
+               std::string("An avatar, a capture or poses (Ctrl + Shift + O).") + none, asks))
+        attempt([&] { chooseFile(FileDialog::Asks::Folder); });
+    if (button("choose where to save", std::string("Poses, .npz (Ctrl + Shift + S).") + none, asks))
+        attempt([&] { chooseNewFile(); });
     if (motion()) {
         words(fmt::format("motion: {}, {} frames at {:.4g} fps", motion()->name, motion()->size(),
                           motion()->fps));

@@ -98,6 +98,25 @@ void Viewer::reloadIfChanged() {
                           : "the avatar has changed on disk");
 }
 
+void Viewer::openAvatar(const fs::path& folder) {
+    LiveAvatar source(folder);
+    std::shared_ptr<LoadedAvatar> avatar = source.load();
+    endDrag();
+    source_ = std::move(source);
+    useAvatar(std::move(avatar));
+    editor_->setOpenedBetas(avatar_->avatar.betas);
+    settings_.texture = bestTexture();
+    settings_.paint = avatar_->textured ? kPaintTexture : kPaintClay;
+    opened(folder);
+    // A motion is fitted to the body that it was read for.
+    if (motion() && !motionFile_.empty() && !editor_->modified())
+        loadMotion(motionFile_, motionFrames_);
+    say(fmt::format("the avatar {}{}", folder.filename().string(),
+                    motion() && editor_->modified()
+                        ? "; the motion, which you edited, stays as it was fitted to the one before"
+                        : ""));
+}
+
 TextureKind Viewer::bestTexture() const {
     return avatar_->avatar.refineNet.empty() ? TextureKind::Coarse : TextureKind::Refined;
 }
@@ -166,8 +185,10 @@ bool Viewer::frame() {
     if (refines()) wait = 0;
     if (framesToDraw_ > 0 || playing_ || working()) wait = 0;
     if (!drawable_) wait = working() ? 0.01 : 0.25;
+    if (dialog_.isOpen()) wait = std::min(wait, 0.05);
     drawable_ = window_.begin(wait);
     reloadIfChanged();
+    if (const auto path = dialog_.chosen()) attempt([&] { dialogThen_(*path); });
     advanceTimeline();
     if (working()) attempt([&] { advanceJobs(); });
     keepSession(false);

@@ -31,6 +31,7 @@
 #include "viewer/pose/shape_names.h"
 #include "viewer/preferences.h"
 #include "viewer/recovery.h"
+#include "viewer/window/file_dialog.h"
 #include "viewer/window/window.h"
 
 namespace doppel {
@@ -168,6 +169,9 @@ public:
     // Whatever a file is: a motion, a pose, a picture. Asks first where that would put away what
     // is not saved.
     void openFile(const std::filesystem::path& path);
+    // Another person in the same pose, motion and view. InputError, with nothing changed, where
+    // there is no avatar.
+    void openAvatar(const std::filesystem::path& folder);
     void loadPicture(const std::filesystem::path& path);
     void startFilm(const std::filesystem::path& out, const FilmSettings& settings = {});
     void startExport(const std::filesystem::path& out);
@@ -270,6 +274,11 @@ private:
     // Does it, once what is not saved is saved or given up.
     void afterSaving(const std::string& what, std::function<void()> then);
     void saveAs(const std::filesystem::path& path);
+    // By the desktop's dialog, which goes on beside the window.
+    void askForFile(FileDialog::Asks asks, const std::string& title,
+                    std::function<void(const std::filesystem::path&)> then);
+    void chooseFile(FileDialog::Asks asks);
+    void chooseNewFile();
     SavedFile savedFile() const;
     // Whether what is not saved is kept, or there is nothing.
     bool keepSession(bool now);
@@ -492,6 +501,10 @@ private:
     size_t messagesDrawn_ = 0;
 
     // What is not saved.
+    std::filesystem::path motionFile_;  // that was opened last; empty: none, or it was closed
+    std::string motionFrames_;          // of it
+    FileDialog dialog_;
+    std::function<void(const std::filesystem::path&)> dialogThen_;
     std::map<uint64_t, SavedFile> savedFiles_;  // by PoseEditor::opening(): undo may come back
     std::optional<Question> question_;
     bool questionOpen_ = false;

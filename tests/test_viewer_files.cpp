@@ -1,0 +1,183 @@
+// Opening and saving: another avatar in the same window, and the desktop's dialogs for files.
+#include "engine/error.h"
+#include "tests/viewer_test.h"
+
+namespace doppel::test {
+namespace {
+
+// Another person: taller, without a mesh network.
+Avatar tallAvatar() {
+    Avatar avatar = plainAvatar();
+    avatar.betas[0] = 3;
+    return avatar;
+}
+
+TEST_F(ViewerTest, AnotherAvatarTakesPoseMotionAndView) {
+    writeAvatar(*folder_ / "tall", tallAvatar());
+    Motion motion = turningMotion(5);
+    const fs::path poses = *folder_ / "turn.npz";
+    writeNpz(poses, posesArrays(motion.theta, motion.trans, {}), false);
+    ViewerOptions options;
+    options.motion = poses;
+    Viewer& viewer = open(options);
+    screen_->key("Right");
+    settle();
+    const OrbitCamera camera = viewer.camera();
+    const double hips = viewer.posed().position[joint::kPelvis].y,
+                 head = viewer.posed().position[joint::kHead].y;
+    const Image before = picture();
+    viewer.openFile(*folder_ / "tall");
+    settle();
+    EXPECT_EQ(viewer.editor().betas()[0], 3);
+    EXPECT_EQ(viewer.frameCount(), 5);
+    EXPECT_EQ(viewer.message(), "the avatar tall");
+    EXPECT_GT(std::abs(viewer.posed().position[joint::kHead].y -
+                       viewer.posed().position[joint::kPelvis].y),
+              std::abs(head - hips) + .01)
+        << "the skeleton is the taller one's";
+    EXPECT_GT(difference(picture(), before), .01);
+
+    // Back by a file of the folder, and with a pose that was edited, which stays.
+    viewer.closeMotion();
+    viewer.camera() = camera;
+    Pose pose = viewer.editor().pose();
+    pose.rotation[joint::kLeftElbow] = {0, -.8, 0};
+    viewer.editor().setPose(pose);
+    viewer.openFile(*folder_ / "avatar" / "avatar.toml");
+    settle();
+    EXPECT_EQ(viewer.editor().pose(), pose);
+    EXPECT_EQ(viewer.editor().betas(), plainAvatar().betas);
+    EXPECT_EQ(viewer.camera().target, camera.target);
+    EXPECT_EQ(viewer.camera().distance, camera.distance);
+    keyWith("Control_L", "z");
+    EXPECT_EQ(viewer.editor().pose().rotation[joint::kLeftElbow], glm::dvec3(0));
+
+    // What is broken leaves the window as it is.
+    fs::create_directory(*folder_ / "broken");
+    std::ofstream(*folder_ / "broken" / "avatar.toml") << "name = 3";
+    const Image whole = picture();
+    EXPECT_FALSE(messageOf<InputError>([&] { viewer.openFile(*folder_ / "broken"); }).empty());
+    settle();
+    EXPECT_LT(difference(picture(), whole), .001);
+}
+
+// A program in the place of zenity, which writes down its words and answers when it is told to.
+class DialogTest : public ViewerTest {
+protected:
+    void SetUp() override {
+        ViewerTest::SetUp();
+        path_ = std::getenv("PATH");
+        fs::create_directories(programs_.path());
+        const fs::path program = programs_ / "zenity";
+        std::ofstream(program) << "#!/bin/sh\nhere=$(dirname \"$0\")\nprintf '%s\\n' \"$@\" > "
+                                  "\"$here/words.part\"\nmv \"$here/words.part\" \"$here/words\"\n"
+                                  "while ! [ -e \"$here/status\" ]; do sleep .02; done\n"
+                                  "cat \"$here/answer\"\nexit \"$(cat \"$here/status\")\"\n";
+        fs::permissions(program, fs::perms::owner_all);
+        setenv("PATH", (programs_.path().string() + ":/usr/bin:/bin").c_str(), 1);
+        unsetenv("XDG_CURRENT_DESKTOP");
+    }
+    void TearDown() override {
+        setenv("PATH", path_.c_str(), 1);
+        ViewerTest::TearDown();
+    }
+    // The dialog's words, one a line, once it is there.
+    std::string words() {
+        await("a dialog", [&] {
+            viewer_->frame();
+            return fs::exists(programs_ / "words");
+        });
+        std::string text = bytesOf(programs_ / "words");
+        fs::remove(programs_ / "words");
+        return text;
+    }
+    void answer(const std::string& name, int status = 0) {
+        std::ofstream(programs_ / "answer") << name << "\n";
+        std::ofstream(programs_ / "status.part") << status;
+        fs::rename(programs_ / "status.part", programs_ / "status");
+    }
+    void untilAnswered(const std::function<bool()>& holds) {
+        await("the answer", [&] {
+            viewer_->frame();
+            return holds();
+        });
+        fs::remove(programs_ / "status");
+    }
+
+    Folder programs_;
+    std::string path_;
+};
+
+TEST_F(DialogTest, FilesAndFoldersAreChosen) {
+    ViewerOptions options;
+    options.width = 980, options.height = 740;
+    Viewer& viewer = open(options);
+    viewer.settings().panel = true;
+    settle();
+    clickItem("Files");
+    const fs::path named = *folder_ / "a name\nwith 'all' of it.npz";
+    Motion motion = turningMotion(7);
+    writeNpz(named, posesArrays(motion.theta, motion.trans, {}), false);
+    clickItem("choose a file");
+    std::string asked = words();
+    EXPECT_EQ(asked.find("--file-selection\n--title=Open a motion"), 0u) << asked;
+    EXPECT_EQ(asked.find("--directory"), std::string::npos);
+    viewer.camera().yaw = .3;  // the window goes on
+    settle();
+    EXPECT_EQ(viewer.frameCount(), 1);
+    answer(named.string());
+    untilAnswered([&] { return viewer.frameCount() == 7; });
+
+    // An avatar's folder, by keys.
+    writeAvatar(*folder_ / "tall one", tallAvatar());
+    screen_->keyDown("Shift_L");
+    keyWith("Control_L", "o");
+    screen_->keyUp("Shift_L");
+    EXPECT_NE(words().find("--directory\n"), std::string::npos);
+    answer((*folder_ / "tall one").string());
+    untilAnswered([&] { return viewer.editor().betas()[0] == 3; });
+
+    // Closed without a choice, and a name that is nothing's: nothing happens, or it is said.
+    keyWith("Control_L", "o");
+    words();
+    const std::string said = viewer.message();
+    answer("", 1);
+    for (int i = 0; i < 20; ++i) {
+        viewer.frame();
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    fs::remove(programs_ / "status");
+    EXPECT_EQ(viewer.message(), said);
+    keyWith("Control_L", "o");
+    words();
+    answer((*folder_ / "nothing.npz").string());
+    untilAnswered([&] { return viewer.message().find("nothing.npz") != std::string::npos; });
+    EXPECT_EQ(viewer.frameCount(), 7);
+
+    // A new name; of one that is taken the window asks, as for one that is typed.
+    clickItem("choose where to save");
+    EXPECT_NE(words().find("--save\n"), std::string::npos);
+    answer((*folder_ / "saved").string());
+    untilAnswered([&] { return fs::exists(*folder_ / "saved.npz"); });
+    EXPECT_EQ(readNpz(*folder_ / "saved.npz").at("transl").shape.at(0), 7);
+
+    // A window that is closed takes its dialog along.
+    clickItem("choose a file");
+    words();
+    const auto began = std::chrono::steady_clock::now();
+    viewer_.reset();
+    EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(5));
+}
+
+TEST_F(DialogTest, WithoutAProgramTheButtonsSaySo) {
+    fs::remove(programs_ / "zenity");
+    setenv("PATH", programs_.path().c_str(), 1);
+    ViewerOptions options;
+    options.width = 980, options.height = 740;
+    Viewer& viewer = open(options);
+    keyWith("Control_L", "o");
+    EXPECT_NE(viewer.message().find("install zenity or kdialog"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace doppel::test
