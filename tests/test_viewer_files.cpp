@@ -61,6 +61,78 @@ TEST_F(ViewerTest, AnotherAvatarTakesPoseMotionAndView) {
     EXPECT_LT(difference(picture(), whole), .001);
 }
 
+// Poses are kept as files, which are chosen by their figures, named and forgotten.
+TEST_F(ViewerTest, PosesAreKeptForAllAvatars) {
+    ViewerOptions options;
+    options.width = 980, options.height = 740;
+    options.state = *folder_ / "library";
+    const fs::path poses = options.state / "poses";
+    fs::create_directories(poses / "a folder.json");
+    std::ofstream(poses / "broken.json") << "{\"doppel_pose\": 1, \"joints\": 3}";
+    std::ofstream(poses / "large.json") << std::string(100'000, ' ');
+    std::ofstream(poses / "notes.txt") << "{}";
+    Viewer& viewer = open(options);
+    viewer.settings().panel = true;
+    const Pose straight = viewer.editor().pose();
+    Pose bent = straight;
+    bent.rotation[joint::kLeftElbow] = {0, -.9, 0};
+    bent.rotation[joint::kRightHip] = {-.7, 0, 0};
+    viewer.editor().setPose(bent);
+    settle();
+    clickItem("Pose");
+    clickItem("kept poses");
+    clickItem("keep this pose");
+    EXPECT_TRUE(fs::exists(poses / "pose 1.json"));
+    viewer.editor().setPose(straight);
+    settle();
+    const size_t steps = viewer.editor().steps();
+    clickItem("pose: pose 1");
+    EXPECT_EQ(viewer.editor().pose(), bent);
+    EXPECT_EQ(viewer.editor().steps(), steps + 1);
+    clickItem("undo");
+    EXPECT_EQ(viewer.editor().pose(), straight);
+    // Mirrored, and where the body stands then.
+    Pose elsewhere = straight;
+    elsewhere.trans.x += .2;
+    viewer.editor().setPose(elsewhere);
+    settle();
+    screen_->keyDown("Shift_L");
+    clickItem("pose: pose 1");
+    screen_->keyUp("Shift_L");
+    EXPECT_EQ(viewer.editor().pose().trans.x, elsewhere.trans.x);
+    EXPECT_NEAR(viewer.editor().pose().rotation[joint::kRightElbow].y, .9, 1e-9);
+    EXPECT_NEAR(viewer.editor().pose().rotation[joint::kLeftHip].x, -.7, 1e-9);
+    if (const char* folder = getenv("DOPPEL_KEEP_SCREENS"))
+        writeImage(fs::path(folder) / "kept-poses.png", screen_->grab(0, 0, 980, 740));
+
+    // The next start has it, with another avatar too; a name, and gone.
+    options.avatar = *folder_ / "avatar";
+    PoseLibrary library(poses);
+    ASSERT_EQ(library.poses().size(), 1u);
+    EXPECT_EQ(library.poses()[0].pose.rotation, bent.rotation);
+    clickItem("name of the pose");
+    for (const char* key : {"End", "w", "n"}) {
+        screen_->key(key);
+        settle();
+    }
+    screen_->keyDown("Return");
+    turn(2);
+    screen_->keyUp("Return");
+    settle();
+    EXPECT_TRUE(fs::exists(poses / "pose 1wn.json")) << viewer.message();
+    clickItem("forget");
+    EXPECT_FALSE(fs::exists(poses / "pose 1wn.json"));
+    EXPECT_TRUE(fs::exists(poses / "broken.json")) << "somebody else's";
+
+    library.keep(bent, Betas{});
+    EXPECT_EQ(library.keep(bent, Betas{}), 1u);
+    for (const char* name : {"", "../up", ".hidden", "pose 1", "line\nbreak"})
+        EXPECT_FALSE(messageOf<InputError>([&] { library.rename("pose 2", name); }).empty())
+            << name;
+    EXPECT_EQ(library.poses().size(), 2u);
+    EXPECT_FALSE(messageOf<InputError>([&] { PoseLibrary("").keep(bent, Betas{}); }).empty());
+}
+
 // A program in the place of zenity, which writes down its words and answers when it is told to.
 class DialogTest : public ViewerTest {
 protected:

@@ -214,6 +214,7 @@ void Viewer::drawPoseTab() {
     beside("paste");
     if (button("paste", "A pose that was copied (Ctrl + V)."))
         attempt([&] { editor.paste(window_.clipboard()); });
+    drawKeptPoses();
     if (button("left to right", "The left side's pose, mirrored, on the right."))
         editor.copySide(true);
     beside("right to left");

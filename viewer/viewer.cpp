@@ -36,6 +36,7 @@ Viewer::Viewer(const ViewerOptions& options)
            options.theme.value_or(preferences_.theme),
            {}}),
       device_(options.device),
+      library_(options.state.empty() ? fs::path() : options.state / "poses"),
       recovery_(options.state) {
     useAvatar(avatar_);
     uiScale_ =

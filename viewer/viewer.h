@@ -28,6 +28,7 @@
 #include "viewer/picture/scene.h"
 #include "viewer/pose/ik.h"
 #include "viewer/pose/pose_editor.h"
+#include "viewer/pose/pose_library.h"
 #include "viewer/pose/shape_names.h"
 #include "viewer/preferences.h"
 #include "viewer/recovery.h"
@@ -373,7 +374,7 @@ private:
     // legend.cpp
     void drawLegend();
 
-    // bookmarks.cpp
+    // kept.cpp
     void keepView(int digit);
     void seeBookmark(int digit);
     void drawBookmarks();
@@ -386,6 +387,7 @@ private:
     void drawQuestion();
     void drawViewTab();
     void drawPoseTab();
+    void drawKeptPoses();
     void drawShapeTab();
     void drawFilesTab();
     void drawFilmControls(bool enabled);
@@ -501,8 +503,11 @@ private:
     size_t messagesDrawn_ = 0;
 
     // What is not saved.
-    std::filesystem::path motionFile_;  // that was opened last; empty: none, or it was closed
-    std::string motionFrames_;          // of it
+    PoseLibrary library_;
+    std::string poseTaken_;                 // the kept pose that was taken last
+    std::optional<std::string> poseNamed_;  // its new name while it is typed
+    std::filesystem::path motionFile_;      // that was opened last; empty: none, or it was closed
+    std::string motionFrames_;              // of it
     FileDialog dialog_;
     std::function<void(const std::filesystem::path&)> dialogThen_;
     std::map<uint64_t, SavedFile> savedFiles_;  // by PoseEditor::opening(): undo may come back
