@@ -142,7 +142,7 @@ TEST_F(Evaluate, FramesGiveTheTextureBack) {
     Avatar avatar = avatar_;
     FrameCache frames(capture_);
     const int size = 128;
-    avatar.texture = backProject(testDevice(), avatar.body, capture_, frames, size).texture;
+    avatar.texture = backProject(testDevice(), avatar.body, capture_, frames, size, 0).texture;
     avatar.textureSize = size;
     for (float value : avatar.texture) {
         EXPECT_GE(value, 0);
@@ -193,7 +193,7 @@ TEST_F(Evaluate, WhatNoFrameShowsIsTakenFromTheOtherSide) {
     const Capture side = capture_.subset(one);
     FrameCache frames(side);
     constexpr int kTexels = 128;
-    const FirstTexels first = backProject(testDevice(), body, side, frames, kTexels);
+    const FirstTexels first = backProject(testDevice(), body, side, frames, kTexels, 0);
     EXPECT_GT(first.part(kFromFrames), .1);
     EXPECT_GT(first.part(kFromOtherSide), .1);
     EXPECT_NEAR(first.part(kFromFrames) + first.part(kFromOtherSide) + first.part(kFromNeighbours),

@@ -51,6 +51,8 @@ namespace doppel {
     NUMBER(double, stay, .3, 0, kNoLimit, "weight of small offsets")                             \
     NUMBER(double, facing, 0, 0, 100,                                                            \
            "power of the cosine to the camera with which a pixel teaches texels")                \
+    NUMBER(int, rim, 0, 0, 64,                                                                   \
+           "outermost pixels of a mask that take the colours of what of the person is near")     \
     NUMBER(double, stayTexels, 0, 0, kNoLimit,                                                   \
            "weight of texels near those that frames gave first")                                 \
     NUMBER(double, smooth, 500, 0, kNoLimit, "weight of smooth offsets")                         \

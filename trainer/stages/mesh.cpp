@@ -33,6 +33,7 @@ void trainMesh(Device& device, TrainResult& result, const TrainSettings& setting
                           {.colours = coloured,
                            .memoryBudget = settings.memoryBudget,
                            .edges = static_cast<bool>(first.scale),
+                           .rim = coloured ? avatar.preset.texels.rim : 0,
                            .scene = scene ? &*scene : nullptr});
 
     std::vector<double> weights;

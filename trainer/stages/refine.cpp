@@ -41,8 +41,9 @@ void trainRefine(Device& device, TrainResult& result, const TrainSettings& setti
             "first");
     const RefinePreset& preset = avatar.preset.refine;
     FrameCache cache(capture);
-    TrainingFrames frames(device, avatar.body, capture, cache, preset.size,
-                          {.colours = true, .memoryBudget = settings.memoryBudget});
+    TrainingFrames frames(
+        device, avatar.body, capture, cache, preset.size,
+        {.colours = true, .memoryBudget = settings.memoryBudget, .rim = avatar.preset.texels.rim});
 
     // The mesh network is frozen: each frame's mesh is made once. The face is where the head is.
     std::vector<std::vector<float>> verts;

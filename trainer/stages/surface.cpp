@@ -96,6 +96,7 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
                                .margin = kMargin,
                                .memoryBudget = run.memoryBudget,
                                .edges = true,
+                               .rim = coloured ? preset.rim : 0,
                                .scene = scene ? &*scene : nullptr});
         return std::make_unique<Scale>(
             std::move(frames), device, body, state, numbers,
@@ -259,7 +260,8 @@ void trainTexels(Device& device, TrainResult& result, const TrainSettings& setti
     const int size = avatar.preset.texture.textureSize;
     result.capture.betas = avatar.betas;
     FrameCache cache(result.capture);
-    FirstTexels first = backProject(device, avatar.body, result.capture, cache, size);
+    FirstTexels first =
+        backProject(device, avatar.body, result.capture, cache, size, avatar.preset.texels.rim);
     fmt::print(stderr,
                "{:.1f} % of the texture is seen in the frames, {:.1f} % is taken from the body's "
                "other side, {:.1f} % from its surroundings\n",

@@ -20,8 +20,9 @@ void trainTexture(Device& device, TrainResult& result, const TrainSettings& sett
     // noise.
     if (!avatar.texels.empty()) preset.lr = preset.lrOver;
     FrameCache cache(capture);
-    TrainingFrames frames(device, avatar.body, capture, cache, preset.size,
-                          {.colours = true, .memoryBudget = settings.memoryBudget});
+    TrainingFrames frames(
+        device, avatar.body, capture, cache, preset.size,
+        {.colours = true, .memoryBudget = settings.memoryBudget, .rim = avatar.preset.texels.rim});
 
     // The mesh network is frozen: each frame's mesh is made once.
     std::vector<std::vector<float>> verts;

@@ -57,7 +57,13 @@ TrainingFrames::TrainingFrames(Device& device, const BodyModel& body, const Capt
         CropBox box = cropBox(frame.camera, posed.joints, "frame " + frame.name);
         box.half *= options.margin;
         if (options.edges && 2 * box.half <= size) box = ownPixels(box, size);
-        Crop cut = crop(*cache.load(i), frame.camera, box, size);
+        std::shared_ptr<const Picture> picture = cache.load(i);
+        if (options.rim > 0) {
+            Picture filled = *picture;
+            filled.rgb = withoutRim(filled, options.rim);
+            picture = std::make_shared<Picture>(std::move(filled));
+        }
+        const Crop cut = crop(*picture, frame.camera, box, size);
         cameras_.push_back(cut.camera);
         boxes_.push_back(box);
         scales_.push_back(std::accumulate(cut.mask.begin(), cut.mask.end(), 0.0f));
