@@ -76,6 +76,10 @@ TEST_F(Batch, WhoFailsStopsNobodyAndWhatIsDoneStays) {
     EXPECT_THAT(page, HasSubstr("anna/avatar/preview.png"));
     EXPECT_THAT(page, HasSubstr("expected a video"));
 
+    // Whoever names the person's folder for the avatar's is told where that is.
+    EXPECT_THAT(doppel({"export", at("people/anna"), "--out", at("results/a.glb")}).sentence(),
+                HasSubstr("there is one in " + at("people/anna/avatar")));
+
     // Again: what is done is not touched.
     const auto avatar = bytesOf(*this / "people/anna/avatar/avatar.toml");
     const auto written = fs::last_write_time(*this / "people/anna/avatar/avatar.toml");

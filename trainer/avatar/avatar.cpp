@@ -186,8 +186,11 @@ void writeAvatar(const fs::path& folder, const Avatar& avatar) {
 
 Avatar readAvatar(const fs::path& folder) {
     if (!fs::exists(folder / "avatar.toml"))
-        throwInput("{}: expected an avatar's folder with an avatar.toml, found none",
-                   folder.string());
+        throwInput("{}: expected an avatar's folder with an avatar.toml, found none{}",
+                   folder.string(),
+                   fs::exists(folder / "avatar" / "avatar.toml")  // a person's, by `doppel avatar`
+                       ? fmt::format("; there is one in {}", (folder / "avatar").string())
+                       : std::string());
     fs::path path = folder / "avatar.toml";
     toml::table table = parseToml(path);
     // Older programs wrote no such number.

@@ -1,7 +1,6 @@
 #include "trainer/avatar/background.h"
 
 #include <algorithm>
-#include <array>
 
 #include "engine/error.h"
 
@@ -76,45 +75,6 @@ std::vector<uint8_t> dilateMask(const std::vector<uint8_t>& mask, int width, int
             for (size_t x = 0; x < w; ++x)
                 result[y * w + x] = std::max(result[y * w + x], rows[k * w + x]);
     return result;
-}
-
-std::vector<uint8_t> withoutRim(const Picture& picture, int rim, int beyond) {
-    std::vector<uint8_t> rgb = picture.rgb;
-    if (rim == 0) return rgb;
-    const int w = picture.width, h = picture.height, reach = rim + beyond + 1;
-    std::vector<uint8_t> outside(picture.mask.size());
-    std::ranges::transform(picture.mask, outside.begin(),
-                           [](uint8_t m) { return static_cast<uint8_t>(m > 127 ? 0 : 255); });
-    const std::vector<uint8_t> grown = dilateMask(picture.mask, w, h, beyond);
-    // How many pixels from the outside, and no further than it matters.
-    std::vector<uint8_t> depth(outside.size());
-    for (int d = 0; d <= rim; ++d) {
-        const std::vector<uint8_t> reached = dilateMask(outside, w, h, d);
-        for (size_t i = 0; i < depth.size(); ++i) depth[i] += reached[i] == 0;
-    }
-    for (int y = 0; y < h; ++y)
-        for (int x = 0; x < w; ++x) {
-            const auto i = static_cast<size_t>(y * w + x);
-            if (depth[i] > rim || grown[i] <= 127) continue;
-            uint8_t deepest = 0;
-            std::array<int, 3> sum{};
-            int count = 0;
-            for (int v = std::max(0, y - reach); v <= std::min(h - 1, y + reach); ++v)
-                for (int u = std::max(0, x - reach); u <= std::min(w - 1, x + reach); ++u) {
-                    const auto other = static_cast<size_t>(v * w + u);
-                    if (depth[other] < deepest || depth[other] == 0) continue;
-                    if (depth[other] > deepest) {
-                        deepest = depth[other];
-                        sum = {};
-                        count = 0;
-                    }
-                    for (size_t c = 0; c < 3; ++c) sum[c] += picture.rgb[3 * other + c];
-                    ++count;
-                }
-            for (size_t c = 0; deepest > depth[i] && c < 3; ++c)
-                rgb[3 * i + c] = static_cast<uint8_t>((sum[c] + count / 2) / count);
-        }
-    return rgb;
 }
 
 std::vector<float> composite(const std::vector<float>& rgb, const std::vector<uint8_t>& mask,

@@ -51,9 +51,4 @@ void fillHoles(std::vector<float>& rgb, std::vector<uint8_t>& known, size_t widt
 std::vector<uint8_t> dilateMask(const std::vector<uint8_t>& mask, int width, int height,
                                 int radius);
 
-// A picture's colours [H,W,3] in which a mask's outermost `rim` pixels, and so many `beyond` them,
-// are the mean of what is furthest inside of what is near: they are mixed with what is behind, and
-// where a file keeps colours coarsely (JPEG, H.264) it shines into the person for some pixels more.
-std::vector<uint8_t> withoutRim(const Picture& picture, int rim, int beyond = 0);
-
 }  // namespace doppel

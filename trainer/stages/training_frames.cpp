@@ -1,4 +1,5 @@
 #include "trainer/stages/training_frames.h"
+#include "trainer/stages/rim.h"
 
 #include <zlib.h>
 
@@ -51,6 +52,7 @@ TrainingFrames::TrainingFrames(Device& device, const BodyModel& body, const Capt
         return compressed_ ? deflated(bytes) : bytes;
     };
     BodyPoser poser(device, body);
+    const RimProfile rim = measureRim(capture, cache, options.rim);
     for (size_t i = 0; i < capture.size(); ++i) {
         PosedMesh posed = poser.pose(capture.theta[i], capture.trans[i], capture.betas);
         const Frame& frame = capture.frames[i];
@@ -59,9 +61,9 @@ TrainingFrames::TrainingFrames(Device& device, const BodyModel& body, const Capt
         if (options.edges && 2 * box.half <= size) box = ownPixels(box, size);
         std::shared_ptr<const Picture> picture = cache.load(i);
         if (options.rim > 0) {
-            Picture filled = *picture;
-            filled.rgb = withoutRim(filled, options.rim);
-            picture = std::make_shared<Picture>(std::move(filled));
+            Picture clean = *picture;
+            clean.rgb = unmixed(clean, rim);
+            picture = std::make_shared<Picture>(std::move(clean));
         }
         const Crop cut = crop(*picture, frame.camera, box, size);
         cameras_.push_back(cut.camera);
