@@ -52,7 +52,7 @@ namespace doppel {
     NUMBER(double, facing, 0, 0, 100,                                                            \
            "power of the cosine to the camera with which a pixel teaches texels")                \
     NUMBER(int, rim, 0, 0, 64,                                                                   \
-           "outermost pixels of a mask from which a green or blue screen's share is taken")      \
+           "outermost pixels of masks, before a screen, that take the colours of the inside")    \
     NUMBER(double, stayTexels, 0, 0, kNoLimit,                                                   \
            "weight of texels near those that frames gave first")                                 \
     NUMBER(double, smooth, 500, 0, kNoLimit, "weight of smooth offsets")                         \

@@ -146,7 +146,7 @@ Preset presetByName(std::string_view name) {
         // Where poses are off, surfaces crease, and a crease's sides face other views than the skin
         // around them does: whoever sees a face best would paint streaks.
         preset.texels.facing = 0;
-        preset.texels.rim = 6;
+        preset.texels.rim = 4;
         preset.texels.robust = .02;
         preset.texels.decay = .1;
         preset.mesh.steps = 300;

@@ -71,42 +71,24 @@ private:
 // A frame as texels take from it.
 struct View {
     std::vector<float> rgb;      // [H,W,3] in [0,1]
-    std::vector<float> weights;  // [H,W] full two pixels from the mask's rim, 0 outside
+    std::vector<float> weights;  // [H,W] full where the mask's rim ends, 0 outside
 };
 
-// The pixels on a mask's rim are mixed with what is behind: they count little, and take the mean
-// colour of what of the inside is near, as do those beside it, so that a texel which nobody saw
-// otherwise has no halo.
-View viewOf(const Picture& picture, const std::vector<uint8_t>& rgb) {
-    constexpr int kRim = 2, kReach = 3;  // pixels
-    const int w = picture.width, h = picture.height;
+// The pixels on a mask's rim count little, and have the colours of the inside, so that a texel
+// which nobody saw otherwise has no halo.
+View viewOf(const Picture& picture, int asked) {
+    const int w = picture.width, h = picture.height, rim = std::max(2, asked);
     std::vector<uint8_t> outside(picture.mask.size());
     std::ranges::transform(picture.mask, outside.begin(),
                            [](uint8_t m) { return static_cast<uint8_t>(m > 127 ? 0 : 255); });
-    const std::vector<uint8_t> near = dilateMask(outside, w, h, 1);
-    const std::vector<uint8_t> rim = dilateMask(outside, w, h, kRim);
-    const std::vector<uint8_t> grown = dilateMask(picture.mask, w, h, 1);
+    const std::vector<uint8_t> near = dilateMask(outside, w, h, 1),
+                               far = dilateMask(outside, w, h, rim),
+                               rgb = withoutRim(picture, rim, 1);
     View view{std::vector<float>(rgb.size()), std::vector<float>(outside.size())};
     std::ranges::transform(rgb, view.rgb.begin(),
                            [](uint8_t c) { return static_cast<float>(c) / 255; });
-    for (int y = 0; y < h; ++y)
-        for (int x = 0; x < w; ++x) {
-            const auto i = static_cast<size_t>(y * w + x);
-            view.weights[i] = outside[i] ? 0 : near[i] ? 1e-4f : rim[i] ? 1e-2f : 1;
-            if (!rim[i] || !grown[i]) continue;
-            std::array<float, 3> sum{};
-            float count = 0;
-            for (int v = std::max(0, y - kReach); v <= std::min(h - 1, y + kReach); ++v)
-                for (int u = std::max(0, x - kReach); u <= std::min(w - 1, x + kReach); ++u) {
-                    const auto other = static_cast<size_t>(v * w + u);
-                    if (rim[other]) continue;
-                    for (size_t c = 0; c < 3; ++c)
-                        sum[c] += static_cast<float>(rgb[3 * other + c]) / 255;
-                    ++count;
-                }
-            if (count > 0)
-                for (size_t c = 0; c < 3; ++c) view.rgb[3 * i + c] = sum[c] / count;
-        }
+    for (size_t i = 0; i < outside.size(); ++i)
+        view.weights[i] = outside[i] ? 0 : near[i] ? 1e-4f : far[i] ? 1e-2f : 1;
     return view;
 }
 
@@ -176,7 +158,7 @@ double FirstTexels::part(TexelOrigin from) const {
 
 FirstTexels backProject(Device& device, const BodyModel& body, const Capture& capture,
                         FrameCache& frames, int size, int rim) {
-    const RimProfile profile = measureRim(capture, frames, rim);
+    rim = rimBeforeScreen(capture, frames, rim);
     capture.requireMasks();
     BodyPoser poser(device, body);
     std::unique_ptr<DepthMap> depths;
@@ -194,7 +176,7 @@ FirstTexels backProject(Device& device, const BodyModel& body, const Capture& ca
             depths = std::make_unique<DepthMap>(device, body, camera);
         depths->draw(posed.verts, camera);
         const std::vector<float> facing = viewWeights(body, places, posed.verts);
-        const View view = viewOf(*picture, unmixed(*picture, profile));
+        const View view = viewOf(*picture, rim);
         const int w = picture->width, h = picture->height;
         for (size_t i = 0; i < places.size(); ++i) {
             if (places[i].face < 0 || !(facing[i] > kLeastFacing)) continue;

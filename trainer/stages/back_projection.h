@@ -20,12 +20,11 @@ struct FirstTexels {
 };
 
 // Texels that frames show have the mean over the frames (120 at most) of the pixel at each texel's
-// place, weighted by the fourth power of the cosine to the camera, and by a hundredth for each of
-// the two outermost pixels of a mask that it lies in, whose colours are those of the inside; from
-// `rim` pixels the background's share is taken (rim.h). A place counts where no other part of the
-// body is before it, and where it is not seen from its side. A texel that no frame sees takes its
-// mirror image on the body's other side where a frame sees that, else the mean of its neighbours.
-// The frames need masks.
+// place, weighted by the fourth power of the cosine to the camera, and by a hundredth in the two
+// outermost pixels of a mask, before a screen in the `rim` outermost, whose colours are the
+// inside's (rim.h). A place counts where no other part of the body is before it, and where it is
+// not seen from its side. A texel that no frame sees takes its mirror image on the body's other
+// side where a frame sees that, else the mean of its neighbours. The frames need masks.
 FirstTexels backProject(Device& device, const BodyModel& body, const Capture& capture,
                         FrameCache& frames, int size, int rim);
 

@@ -10,19 +10,12 @@
 
 namespace doppel {
 
-// The background's share in a pixel, by its distance from the outside: the outermost first.
-struct RimProfile {
-    std::vector<double> luma, chroma;  // 0 to kMostMixed
-};
-constexpr double kMostMixed = .8;
+// `rim` where a capture's frames (16 are looked at) are before such a screen, else 0: what other
+// backgrounds leave is of many colours, and evens out. The frames need masks.
+int rimBeforeScreen(const Capture& capture, FrameCache& frames, int rim);
 
-// Of `depth` pixels, measured over a capture's frames (16 at most): the share, by least squares, of
-// the background beside a rim's pixels in their difference from the inside that is nearest. None
-// where the person is not before a screen: what other backgrounds leave is of many colours and
-// evens out. The frames need masks.
-RimProfile measureRim(const Capture& capture, FrameCache& frames, int depth);
-
-// The picture's colours [H,W,3] without that share.
-std::vector<uint8_t> unmixed(const Picture& picture, const RimProfile& rim);
+// A picture's colours [H,W,3] in which a mask's outermost `rim` pixels, and so many `beyond` them,
+// are the mean of what is furthest inside of what is near.
+std::vector<uint8_t> withoutRim(const Picture& picture, int rim, int beyond = 0);
 
 }  // namespace doppel

@@ -52,7 +52,7 @@ TrainingFrames::TrainingFrames(Device& device, const BodyModel& body, const Capt
         return compressed_ ? deflated(bytes) : bytes;
     };
     BodyPoser poser(device, body);
-    const RimProfile rim = measureRim(capture, cache, options.rim);
+    const int rim = rimBeforeScreen(capture, cache, options.rim);
     for (size_t i = 0; i < capture.size(); ++i) {
         PosedMesh posed = poser.pose(capture.theta[i], capture.trans[i], capture.betas);
         const Frame& frame = capture.frames[i];
@@ -60,9 +60,9 @@ TrainingFrames::TrainingFrames(Device& device, const BodyModel& body, const Capt
         box.half *= options.margin;
         if (options.edges && 2 * box.half <= size) box = ownPixels(box, size);
         std::shared_ptr<const Picture> picture = cache.load(i);
-        if (options.rim > 0) {
+        if (rim > 0) {
             Picture clean = *picture;
-            clean.rgb = unmixed(clean, rim);
+            clean.rgb = withoutRim(clean, rim);
             picture = std::make_shared<Picture>(std::move(clean));
         }
         const Crop cut = crop(*picture, frame.camera, box, size);

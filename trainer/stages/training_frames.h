@@ -20,7 +20,7 @@ struct TrainingFramesOptions {
     // What comparing edges and colours wants: inside(), and frames that need not shrink cut at
     // their own pixels, for sampled between them they would lose their sharpness.
     bool edges = false;
-    int rim = 0;  // pixels of masks' rims from which the background's share is taken (rim.h)
+    int rim = 0;  // pixels of masks' rims that take the inside's colours, before a screen (rim.h)
     const BackgroundPlates* scene = nullptr;  // with it background() is kept as well
 };
 
