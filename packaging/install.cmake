@@ -1,6 +1,10 @@
 # What `cmake --install build --prefix PREFIX` copies. The prefix can be moved afterwards.
 
 install(TARGETS doppel doppel-bench RUNTIME)
+# A component of its own: packages of the programs need no MPI.
+if(TARGET doppel-mpi)
+    install(TARGETS doppel-mpi LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/doppel COMPONENT mpi)
+endif()
 install(DIRECTORY assets/body assets/actor assets/pages DESTINATION ${CMAKE_INSTALL_DATADIR}/doppel)
 # three.js for pages, where set-up has fetched it.
 install(DIRECTORY build/web DESTINATION ${CMAKE_INSTALL_DATADIR}/doppel OPTIONAL)

@@ -28,6 +28,11 @@ fs::path sourceFolder() {
 
 fs::path shareFolder() { return (programFolder() / DOPPEL_SHARE).lexically_normal(); }
 
+fs::path modulesFolder() {
+    return sourceFolder().empty() ? (programFolder() / DOPPEL_MODULES).lexically_normal()
+                                  : programFolder();
+}
+
 fs::path fetchedFolder(const char* name) {
     if (const fs::path source = sourceFolder(); !source.empty()) return source / "build" / name;
     const fs::path users = userDataFolder() / name, everyones = shareFolder() / name;

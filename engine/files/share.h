@@ -14,6 +14,10 @@ std::filesystem::path sourceFolder();
 // `share/doppel` of the prefix in which the program is installed.
 std::filesystem::path shareFolder();
 
+// Where modules are that the program loads when it needs them: beside it in a build folder, else
+// `lib/doppel` of the prefix.
+std::filesystem::path modulesFolder();
+
 // The folder of what set-up fetches under this name: build/NAME of the source; of an installed
 // program NAME in the user's data folder or, where only that is there, in shareFolder().
 std::filesystem::path fetchedFolder(const char* name);

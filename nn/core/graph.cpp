@@ -25,8 +25,45 @@ Graph::Graph(Device& device) : device_(device) {}
 
 Graph::~Graph() {
     // Recorders wait for what is in flight before the buffers go.
-    for (auto& recorder : recorders_) recorder.reset();
-    preparation_.reset();
+    for (Segments& segments : segments_) segments.clear();
+    preparation_.clear();
+}
+
+// ---- ranks --------------------------------------------------------------------------------------
+
+void Graph::join(Ranks* ranks) {
+    CHECK(ops_.empty(), "a graph joins before its first op");
+    ranks_ = ranks && ranks->size() > 1 ? ranks : nullptr;
+}
+
+Tensor Graph::ofAllRanks(const Tensor& mine, int64_t rows) {
+    CHECK(ranks_ && mine.elements() % rows == 0, "ranks share {} rows of {}", rows,
+          toString(mine.shape));
+    Tensor all = temporary({rows, ranks_->size(), mine.elements() / rows});
+    exchanges_.push_back({{mine}, all, rows, steps_.size(), 0, {}, {}});
+    return all;
+}
+
+// Gradients that are final long before the last one travel while the others are computed.
+void Graph::shareGradients(const std::vector<Tensor>& gradients) {
+    constexpr uint64_t kBucketBytes = 4 << 20;  // a transfer's bytes outweigh its latency
+    auto readyAt = [&](const Tensor& gradient) {
+        return static_cast<size_t>(storages_[size_t(gradient.storage)].lastUse + 1);
+    };
+    std::vector<Tensor> order = gradients;
+    std::ranges::stable_sort(order, {}, readyAt);
+    Exchange bucket;
+    uint64_t bytes = 0;
+    for (const Tensor& gradient : order) {
+        bucket.mine.push_back(gradient);
+        bucket.ready = readyAt(gradient);
+        bytes += gradient.bytes();
+        if (bytes < kBucketBytes && &gradient != &order.back()) continue;
+        bucket.needed = steps_.size();
+        exchanges_.push_back(std::move(bucket));
+        bucket = {};
+        bytes = 0;
+    }
 }
 
 // ---- tensors ------------------------------------------------------------------------------------
@@ -177,11 +214,11 @@ void Graph::endPreparation() {
 }
 
 void Graph::prepare() {
-    CHECK(compiled_ && preparation_, "this graph has a preparation");
-    for (auto& recorder : recorders_) recorder->wait();
+    CHECK(compiled_ && !preparation_.empty(), "this graph has a preparation");
+    for (const Segments& segments : segments_) wait(segments);
     stageInputs(0);
-    preparation_->submit();
-    preparation_->wait();
+    preparation_[0].recorder->submit();
+    wait(preparation_);
     prepared_ = true;
 }
 
@@ -276,11 +313,26 @@ void Graph::backward(const std::vector<std::pair<Tensor, Tensor>>& upstream) {
         accumulateGradients();
     }
     std::ranges::reverse(differentiables_);
+    if (!ranks_) return;
+    std::vector<Tensor> fresh;
+    for (const auto& [key, fixed] : fixedGradients_)
+        if (gradients_.contains(key) && shared_.insert(key).second) fresh.push_back(fixed);
+    shareGradients(fresh);
 }
 
 // ---- memory -------------------------------------------------------------------------------------
 
 void Graph::planMemory(const CompileOptions& options) {
+    for (Exchange& exchange : exchanges_) {
+        if (!exchange.all) continue;
+        // Nobody else may have its memory before it has left; what is gathered is there when it is
+        // first used.
+        Storage& mine = storages_[size_t(exchange.mine[0].storage)];
+        mine.lastUse = std::max(mine.lastUse, static_cast<int>(exchange.ready) - 1);
+        const int use = storages_[size_t(exchange.all.storage)].firstUse;
+        CHECK(use >= 0, "what is gathered is used");
+        exchange.needed = static_cast<size_t>(use);
+    }
     for (const HostOutput& output : outputs_) {
         Storage& storage = storages_[size_t(output.tensor.storage)];
         if (storage.firstUse < 0) storage.firstUse = 0;
@@ -406,29 +458,65 @@ void Graph::compile(const CompileOptions& options) {
     for (int slot = 0; slot < 2; ++slot) {
         upload_[slot] = device_.allocate(uploadBytes, Memory::Upload);
         readback_[slot] = device_.allocate(readbackBytes, Memory::Readback);
-        recorders_[slot] = recorded(slot, preparationEnd_, steps_.size(), options);
     }
+    for (Exchange& exchange : exchanges_) {
+        uint64_t bytes = 0;
+        for (const Tensor& one : exchange.mine) bytes += one.bytes();
+        exchange.send = device_.allocate(bytes, Memory::Readback);
+        exchange.receive =
+            device_.allocate(exchange.all ? exchange.all.bytes() : bytes, Memory::Upload);
+    }
+    for (int slot = 0; slot < 2; ++slot)
+        segments_[slot] = recorded(slot, preparationEnd_, steps_.size(), options);
     if (preparationEnd_ > 0) preparation_ = recorded(0, 0, preparationEnd_, options);
     compiled_ = true;
 }
 
-// A recording of the steps [begin, end).
-std::unique_ptr<Recorder> Graph::recorded(int slot, size_t begin, size_t end,
-                                          const CompileOptions& options) {
-    auto recording = std::make_unique<Recorder>(device_);
-    Recorder& recorder = *recording;
-    const bool preparing = end == preparationEnd_;
+// A recording of the steps [begin, end), cut where ranks exchange something.
+Graph::Segments Graph::recorded(int slot, size_t begin, size_t end, const CompileOptions& options) {
+    std::set<size_t> cuts{end};
+    for (const Exchange& exchange : exchanges_) {
+        CHECK(exchange.ready > preparationEnd_, "a preparation exchanges nothing");
+        if (end == preparationEnd_) continue;
+        cuts.insert(exchange.ready);
+        cuts.insert(exchange.needed);
+    }
+    CHECK(cuts.size() == 1 || !options.timestamps, "what several ranks run has no profile");
+    Segments segments;
+    for (size_t cut : cuts)
+        segments.push_back({segments.empty() ? begin : segments.back().end, cut, nullptr});
+    // What comes last may have nothing to run behind it, but is there for the host.
+    if (end != preparationEnd_ && std::ranges::count(exchanges_, end, &Exchange::needed) > 0)
+        segments.push_back({end, end, nullptr});
+    for (Segment& segment : segments)
+        record(segment, slot, &segment == &segments.front(), &segment == &segments.back(), options);
+    return segments;
+}
+
+void Graph::record(Segment& segment, int slot, bool first, bool last,
+                   const CompileOptions& options) {
+    segment.recorder = std::make_unique<Recorder>(device_);
+    Recorder& recorder = *segment.recorder;
+    const bool preparing = segment.begin < preparationEnd_;
     for (const HostInput& input : inputs_)
-        if (input.bytes > 0)
+        if (input.bytes > 0 && first)
             recorder.copy({&upload_[slot], input.stagingOffset, input.bytes},
                           storages_[size_t(input.storage)].view);
-    if (options.poison)
+    if (options.poison && first)
         for (const Storage& storage : storages_)
             if (storage.kind == Kind::Temporary && storage.view.buffer && storage.bytes > 0 &&
                 (preparing || !storage.kept))
                 recorder.fill(storage.view, 0xffffffffu);
+    for (const Exchange& exchange : exchanges_) {
+        if (exchange.needed != segment.begin || first) continue;
+        uint64_t at = 0;
+        for (const Tensor& one : exchange.all ? std::vector<Tensor>{exchange.all} : exchange.mine) {
+            recorder.copy({&exchange.receive, at, one.bytes()}, viewOf(one));
+            at += one.bytes();
+        }
+    }
     if (options.timestamps) recorder.timestamp();
-    for (size_t i = begin; i < end; ++i) {
+    for (size_t i = segment.begin; i < segment.end; ++i) {
         const Step& step = steps_[i];
         Recorder::Work work{step.flops, 0};
         for (const auto& [name, tensor] : step.arguments)
@@ -464,15 +552,22 @@ std::unique_ptr<Recorder> Graph::recorded(int slot, size_t begin, size_t end,
                 break;
             }
         }
-        bool lastOfOp = i + 1 == end || steps_[i + 1].op != step.op;
+        bool lastOfOp = i + 1 == segment.end || steps_[i + 1].op != step.op;
         if (options.timestamps && lastOfOp) recorder.timestamp();
     }
+    for (const Exchange& exchange : exchanges_) {
+        if (exchange.ready != segment.end || segment.begin == segment.end || preparing) continue;
+        uint64_t at = 0;
+        for (const Tensor& one : exchange.mine) {
+            recorder.copy(viewOf(one), {&exchange.send, at, one.bytes()});
+            at += one.bytes();
+        }
+    }
     for (const HostOutput& output : outputs_)
-        if (output.tensor.bytes() > 0 && !preparing)
+        if (output.tensor.bytes() > 0 && !preparing && last)
             recorder.copy(viewOf(output.tensor),
                           {&readback_[slot], output.stagingOffset, output.tensor.bytes()});
     recorder.finish();
-    return recording;
 }
 
 void Graph::writeBytes(const Tensor& tensor, std::span<const std::byte> bytes) {
@@ -489,13 +584,51 @@ void Graph::writeBytes(const Tensor& tensor, std::span<const std::byte> bytes) {
 
 void Graph::submit() {
     CHECK(compiled_, "a graph is compiled before it runs");
-    CHECK(!preparation_ || prepared_, "a graph with a preparation is prepared before it runs");
-    Recorder& recorder = *recorders_[slot_];
-    recorder.wait();  // this slot's replay before last still reads its staging memory
+    CHECK(preparation_.empty() || prepared_,
+          "a graph with a preparation is prepared before it runs");
+    Segments& segments = segments_[slot_];
+    wait(segments);  // this slot's replay before last still reads its staging memory
     stageInputs(slot_);
-    recorder.submit();
+    for (Segment& segment : segments) {
+        for (Exchange& exchange : exchanges_)
+            if (exchange.needed == segment.begin && &segment != &segments.front())
+                complete(exchange, segments);
+        segment.recorder->submit();
+    }
     slot_ ^= 1;
     ++replays_;
+}
+
+// Waits for what this rank has to send, and brings what comes of it to where the device finds it.
+void Graph::complete(Exchange& exchange, const Segments& segments) {
+    const auto sender = std::ranges::find(segments, exchange.ready, &Segment::end);
+    CHECK(sender != segments.end(), "a segment ends where an exchange begins");
+    sender->recorder->wait();
+    auto floats = [](Buffer& buffer) {
+        return std::span(reinterpret_cast<float*>(buffer.mapped()), buffer.bytes() / sizeof(float));
+    };
+    std::span<float> mine = floats(exchange.send), result = floats(exchange.receive);
+    if (exchange.all) {
+        const auto n = static_cast<size_t>(exchange.mine[0].elements());
+        ranks_->gather(mine.first(n), result.first(n * static_cast<size_t>(ranks_->size())),
+                       static_cast<size_t>(exchange.rows));
+        return;
+    }
+    uint64_t bytes = 0;
+    for (const Tensor& one : exchange.mine) bytes += one.bytes();
+    const size_t n = bytes / sizeof(float);
+    ranks_->average(mine.first(n));
+    std::ranges::copy(mine.first(n), result.begin());
+}
+
+void Graph::wait(const Segments& segments) {
+    for (const Segment& segment : segments) segment.recorder->wait();
+}
+
+size_t Graph::submissionCount() const {
+    size_t count = 0;
+    for (const Segment& segment : segments_[0]) count += segment.recorder->submissionCount();
+    return count;
 }
 
 void Graph::stageInputs(int slot) {
@@ -513,7 +646,7 @@ int Graph::slotOf(int back) const {
     return slot_ ^ 1 ^ back;
 }
 
-void Graph::wait(int back) { recorders_[slotOf(back)]->wait(); }
+void Graph::wait(int back) { wait(segments_[slotOf(back)]); }
 
 void Graph::readBytes(const Tensor& tensor, std::span<std::byte> bytes, int back) {
     wait(back);
@@ -526,7 +659,7 @@ void Graph::readBytes(const Tensor& tensor, std::span<std::byte> bytes, int back
 }
 
 std::vector<OpProfile> Graph::profile() {
-    std::vector<double> times = recorders_[slot_ ^ 1]->timestamps();
+    std::vector<double> times = segments_[slot_ ^ 1][0].recorder->timestamps();
     std::vector<OpProfile> profiles;
     size_t stamp = 0;
     for (size_t i = preparationEnd_; i < steps_.size(); ++i) {

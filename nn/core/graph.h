@@ -13,6 +13,7 @@
 #include <functional>
 #include <initializer_list>
 #include <memory>
+#include <set>
 #include <span>
 #include <string>
 #include <type_traits>
@@ -20,6 +21,7 @@
 
 #include "engine/recorder.h"
 #include "nn/core/parameters.h"
+#include "nn/core/ranks.h"
 #include "nn/core/tensor.h"
 #include "shaders/common/step_params.h"
 
@@ -35,6 +37,8 @@ struct CompileOptions {
     bool reuseMemory = true;    // temporaries with disjoint lifetimes share memory
     bool poison = false;        // fill temporaries with NaN first, so that an unwritten one shows
     bool timestamps = false;    // time per op, see profile()
+    // Steps of a training (nn/steps) share their batches with these; null: they have them whole.
+    Ranks* ranks = nullptr;
 };
 
 struct OpProfile {
@@ -52,6 +56,13 @@ public:
     Graph& operator=(const Graph&) = delete;
 
     Device& device() { return device_; }
+
+    // ---- ranks ------------------------------------------------------------------------------
+    // What this graph computes is one rank's part of a batch; before any op. null: all of it.
+    void join(Ranks* ranks);
+    Ranks* ranks() const { return ranks_; }
+    // mine [rows,n] of all ranks side by side, [rows,size,n]. No gradient flows through it.
+    Tensor ofAllRanks(const Tensor& mine, int64_t rows = 1);
 
     // ---- tensors ----------------------------------------------------------------------------
     // Written by the host between replays; keeps its last value.
@@ -120,9 +131,10 @@ public:
     Tensor gradientTarget(const Tensor& input);
 
     // ---- reverse mode -----------------------------------------------------------------------
-    // Gradients of a scalar loss, its own being 1. Ops that the loss does not depend on are left
-    // for a later backward(), so that one graph holds several updates, one after the other; but
-    // each op is reversed once.
+    // Gradients of a scalar loss, its own being 1; where ranks share the batch, those of parameters
+    // are the mean over all ranks, whatever runs after this. Ops that the loss does not depend on
+    // are left for a later backward(), so that one graph holds several updates, one after the
+    // other; but each op is reversed once.
     void backward(const Tensor& loss);
     // Gradients of sum over pairs of <output, upstream>.
     void backward(const std::vector<std::pair<Tensor, Tensor>>& upstream);
@@ -181,7 +193,7 @@ public:
     uint64_t unsharedBytes() const { return unsharedBytes_; }
     size_t dispatchCount() const { return steps_.size(); }
     // Of one replay, see Recorder::expect().
-    size_t submissionCount() const { return recorders_[0]->submissionCount(); }
+    size_t submissionCount() const;
     // Per op, in order, of the newest replay (compiled with timestamps).
     std::vector<OpProfile> profile();
     // The program: op, dispatches, bytes, flops, and time where there is one.
@@ -234,6 +246,22 @@ private:
         Tensor tensor;
         uint64_t stagingOffset;
     };
+    // Tensors that ranks exchange in the middle of a replay. They are final before the step
+    // `ready`, and what becomes of them is there before the step `needed`; what lies between runs
+    // meanwhile.
+    struct Exchange {
+        std::vector<Tensor> mine;  // averaged in place, or one that is gathered
+        Tensor all;                // gathered here; empty: averaged
+        int64_t rows = 1;
+        size_t ready = 0, needed = 0;
+        Buffer send, receive;
+    };
+    // Steps [begin,end) of a replay: all of it, where there are no exchanges.
+    struct Segment {
+        size_t begin, end;
+        std::unique_ptr<Recorder> recorder;
+    };
+    using Segments = std::vector<Segment>;
 
     Tensor newStorage(Kind kind, Shape shape, ElementType type);
     Tensor newConstant(std::span<const std::byte> bytes, Shape shape, ElementType type);
@@ -246,8 +274,11 @@ private:
     void readBytes(const Tensor& output, std::span<std::byte> bytes, int back);
     int slotOf(int back) const;
     void planMemory(const CompileOptions& options);
-    std::unique_ptr<Recorder> recorded(int slot, size_t begin, size_t end,
-                                       const CompileOptions& options);
+    void shareGradients(const std::vector<Tensor>& gradients);
+    Segments recorded(int slot, size_t begin, size_t end, const CompileOptions& options);
+    void record(Segment& segment, int slot, bool first, bool last, const CompileOptions& options);
+    void complete(Exchange& exchange, const Segments& segments);
+    static void wait(const Segments& segments);
     void stageInputs(int slot);
     BufferView viewOf(const Tensor& tensor) const;
 
@@ -258,13 +289,16 @@ private:
     std::vector<Differentiable> differentiables_;
     std::map<GradientKey, Tensor> gradients_;
     std::map<GradientKey, Tensor> fixedGradients_;  // parameters: where the gradient must land
+    std::set<GradientKey> shared_;                  // of them, those that ranks have exchanged
     std::vector<std::pair<Tensor, Tensor>> pendingSums_;
     std::vector<HostInput> inputs_;
     std::vector<HostOutput> outputs_;
     std::vector<Buffer> buffers_;  // constants, inputs, temporaries
     Buffer upload_[2], readback_[2];
-    std::unique_ptr<Recorder> recorders_[2], preparation_;
-    size_t preparationEnd_ = 0;  // steps
+    Segments segments_[2], preparation_;
+    Ranks* ranks_ = nullptr;
+    std::vector<Exchange> exchanges_;  // in the order in which all ranks make them
+    size_t preparationEnd_ = 0;        // steps
     bool prepared_ = false;
     Tensor none_, step_;
     int slot_ = 0;         // of the next submission

@@ -51,4 +51,12 @@ void Parameters::write(const Entry& entry, std::span<const float> values, Sectio
     device_->upload(view(entry, section), std::as_bytes(values));
 }
 
+void Parameters::broadcast(Ranks& ranks) {
+    const BufferView all{&buffer_, 0, buffer_.bytes()};
+    std::vector<std::byte> bytes(all.bytes);
+    if (ranks.rank() == 0) device_->download(all, bytes);
+    ranks.broadcast(bytes.data(), bytes.size());
+    if (ranks.rank() != 0) device_->upload(all, bytes);
+}
+
 }  // namespace doppel

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "engine/device.h"
+#include "nn/core/ranks.h"
 #include "nn/core/tensor.h"
 
 namespace doppel {
@@ -36,6 +37,9 @@ public:
 
     std::vector<float> read(const Entry& entry, Section section = kValues) const;
     void write(const Entry& entry, std::span<const float> values, Section section = kValues);
+
+    // Values, gradients and moments become rank 0's.
+    void broadcast(Ranks& ranks);
 
 private:
     Device* device_ = nullptr;

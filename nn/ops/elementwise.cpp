@@ -194,7 +194,9 @@ Tensor dropout(Graph& graph, const Tensor& x, float rate, uint32_t stream) {
     CHECK(rate >= 0 && rate < 1, "a dropout rate of {} lies in [0, 1)", rate);
     Tensor y = graph.temporary(x.shape), step = graph.step();
     auto threshold = static_cast<uint32_t>(std::lround(static_cast<double>(rate) * 4294967296.0));
-    DropoutParams params{count(x), stream, threshold, 1 / (1 - rate)};
+    // Ranks drop what one of them would have dropped of the whole batch.
+    const uint32_t first = count(x) * static_cast<uint32_t>(rankOf(graph.ranks()));
+    DropoutParams params{count(x), stream, threshold, 1 / (1 - rate), first};
     graph.beginOp("dropout");
     graph.dispatch("elementwise/dropout.forward", {{"x", x}, {"y", y}, {"step", step}}, params,
                    pairs(x));

@@ -108,6 +108,26 @@ void adamwRow(Graph& graph, const Tensor& table, const Tensor& gradient, const T
                    paramsOf(options, n, rows), static_cast<uint64_t>(n));
 }
 
+std::vector<Tensor> rowGradients(Graph& graph, const std::vector<Tensor>& rows) {
+    std::vector<Tensor> gradients;
+    for (const Tensor& row : rows) gradients.push_back(graph.gradient(row));
+    if (!graph.ranks() || rows.empty()) return gradients;
+    const int64_t count = std::ssize(rows), n = rows[0].elements(), ranks = graph.ranks()->size();
+    Tensor mine = graph.temporary({count, n});
+    graph.beginOp("row_gradients");
+    for (int64_t i = 0; i < count; ++i)
+        graph.copy(gradients[size_t(i)], mine.slice(i, 1).reshaped({n}));
+    Tensor all = scaleShift(graph, graph.ofAllRanks(mine).reshaped({ranks * count, n}),
+                            1 / static_cast<float>(ranks), 0);
+    gradients.clear();
+    graph.beginOp("row_gradients");
+    for (int64_t i = 0; i < ranks * count; ++i) {  // kernels take what is aligned
+        gradients.push_back(graph.temporary({n}));
+        graph.copy(all.slice(i, 1).reshaped({n}), gradients.back());
+    }
+    return gradients;
+}
+
 void uniformAdam(Graph& graph, const Tensor& value, const Tensor& gradient, const Tensor& moment1,
                  const Tensor& moment2, const std::function<Tensor(const Tensor&)>& precondition,
                  const AdamWOptions& options) {

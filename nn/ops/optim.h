@@ -28,10 +28,16 @@ void adamw(Graph& graph, const Tensor& value, const Tensor& gradient, const Tens
 void adamwRow(Graph& graph, const Tensor& table, const Tensor& gradient, const Tensor& moment1,
               const Tensor& moment2, const AdamWOptions& options = {}, const Tensor& step = {});
 
+// The gradients of a batch's rows [n], in the batch's order: where ranks share the batch, `rows`
+// are this rank's, and those of the others follow from them; each is what it is to the mean over
+// all.
+std::vector<Tensor> rowGradients(Graph& graph, const std::vector<Tensor>& rows);
+
 // Adam with one second moment for all rows of value [n,3], so that they keep their directions and
 // relative lengths (shaders/optim/uniform_adam.comp). precondition: a symmetric positive map of
 // [n,3], applied to the gradient and once more to the step, as if what it maps to value were
-// optimised. moment1 [n,3]; moment2 [1] or more, of which the first number is used. No weight decay.
+// optimised. moment1 [n,3]; moment2 [1] or more, of which the first number is used. No weight
+// decay.
 void uniformAdam(Graph& graph, const Tensor& value, const Tensor& gradient, const Tensor& moment1,
                  const Tensor& moment2, const std::function<Tensor(const Tensor&)>& precondition,
                  const AdamWOptions& options = {});

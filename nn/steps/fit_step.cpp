@@ -34,45 +34,52 @@ std::vector<float> jointWeights(bool coloured) {
 FitStep::FitStep(Device& device, const BodyModel& body, FitStart start, const FitPreset& preset,
                  const CompileOptions& options)
     : graph(device), start_(std::move(start)) {
+    graph.join(options.ranks);
     auto frames = static_cast<int64_t>(start_.poses.size()) / kPoseRow;
     corrections.add("correction", {frames, kPoseRow}, std::vector<float>(start_.poses.size()));
     corrections.allocate(device);
     shape.add("beta", {10}, {start_.betas.begin(), start_.betas.end()});
     shape.allocate(device);
 
-    int64_t size = preset.size;
-    camera = graph.input(kCameraShape);
-    target = graph.input({size, size});
+    const int64_t size = preset.size;
     constexpr uint32_t kFrameWord = offsetof(StepParams, frame) / 4;
     Tensor table = graph.attach(corrections.section(Parameters::kValues), {frames, kPoseRow});
     Tensor given = graph.constant(std::span<const float>(start_.poses), {frames, kPoseRow});
-    Tensor correction = selectRow(graph, table, graph.step(), kFrameWord);
-    Tensor before = selectRow(graph, table, graph.step(), kFrameWord, -1);
-    Tensor after = selectRow(graph, table, graph.step(), kFrameWord, 1);
-    graph.watch(correction);
     Tensor beta = start_.fitShape ? graph.parameter(shape, "beta")
                                   : graph.constant(std::span<const float>(start_.betas), {10});
-
-    Pose pose = poseCorrection(graph, selectRow(graph, given, graph.step(), kFrameWord), correction,
-                               kTransScale);
     Tensor rest = graph.constant(body.restVertices(), {body.vertexCount, 3});
-    PosedBody posed = lbs(graph, lbsModel(graph, body), rest, pose.theta, beta, pose.trans);
+    LbsModel skin = lbsModel(graph, body);
     RasterMesh mesh = rasterMesh(graph, body.faces, body.vertexCount);
-    Tensor silhouette = softSilhouette(graph, mesh, posed.verts, camera, size, size);
-    losses.term("iou_loss", 1, silhouetteIouLoss(graph, silhouette, target));
-
+    Tensor joints = graph.constant(std::span<const float>(jointWeights(false)), {kJointCount});
     PosePriorWeights weights;
     weights.pose = static_cast<float>(preset.priorTheta);
     weights.trans = static_cast<float>(preset.priorTheta);
     weights.smooth = start_.video ? static_cast<float>(preset.smoothTheta) : 0.0f;
     weights.shape = static_cast<float>(preset.priorBeta);
-    Tensor joints = graph.constant(std::span<const float>(jointWeights(false)), {kJointCount});
-    losses.term("prior", 1, posePrior(graph, correction, before, after, joints, beta, weights));
-    if (start_.keypoints) {
-        keypoints = graph.input({kJointCount, 3});
-        losses.term("keypoints", preset.keypoints,
-                    keypointLoss(graph, posed.joints, keypoints, camera,
-                                 static_cast<float>(preset.size) * kKeypointScale));
+
+    for (int i = 0; i < preset.batch; ++i)
+        poseSteps.push_back(graph.input({sizeof(StepParams) / 4}, ElementType::I32));
+    std::vector<Tensor> rows;
+    for (const Tensor& poseStep : partOf(options.ranks, poseSteps)) {
+        Sample sample{graph.input(kCameraShape), graph.input({size, size}), {}};
+        Tensor correction = selectRow(graph, table, poseStep, kFrameWord);
+        Tensor before = selectRow(graph, table, poseStep, kFrameWord, -1);
+        Tensor after = selectRow(graph, table, poseStep, kFrameWord, 1);
+        graph.watch(correction);
+        rows.push_back(correction);
+        Pose pose = poseCorrection(graph, selectRow(graph, given, poseStep, kFrameWord), correction,
+                                   kTransScale);
+        PosedBody posed = lbs(graph, skin, rest, pose.theta, beta, pose.trans);
+        Tensor silhouette = softSilhouette(graph, mesh, posed.verts, sample.camera, size, size);
+        losses.term("iou_loss", 1, silhouetteIouLoss(graph, silhouette, sample.target));
+        losses.term("prior", 1, posePrior(graph, correction, before, after, joints, beta, weights));
+        if (start_.keypoints) {
+            sample.keypoints = graph.input({kJointCount, 3});
+            losses.term("keypoints", preset.keypoints,
+                        keypointLoss(graph, posed.joints, sample.keypoints, sample.camera,
+                                     static_cast<float>(preset.size) * kKeypointScale));
+        }
+        samples.push_back(sample);
     }
     graph.backward(losses.sum());
 
@@ -80,13 +87,15 @@ FitStep::FitStep(Device& device, const BodyModel& body, FitStart start, const Fi
     auto moments = [&](Parameters::Section section) {
         return graph.attach(corrections.section(section), {frames, kPoseRow});
     };
-    graph.beginOp("adamw_row");
-    adamwRow(graph, table, graph.gradient(correction), moments(Parameters::kMoment1),
-             moments(Parameters::kMoment2), optimiser);
+    const std::vector<Tensor> gradients = rowGradients(graph, rows);
+    for (size_t i = 0; i < poseSteps.size(); ++i)
+        adamwRow(graph, table, gradients[i], moments(Parameters::kMoment1),
+                 moments(Parameters::kMoment2), optimiser, poseSteps[i]);
     if (start_.fitShape) {
         optimiser.rateScale = static_cast<float>(preset.lrBeta / preset.lrTheta);
         adamwStep(graph, shape, optimiser);
     }
+    graph.step();  // is written whether the shape is fitted or not
     graph.compile(options);
 }
 

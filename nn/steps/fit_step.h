@@ -18,7 +18,8 @@ namespace doppel {
 // Stage fit, before the method's own.
 #define FIT_NUMBERS(NUMBER, FLAG, CHOICE)                                                      \
     NUMBER(int, size, 256, 16, 4096, "side of the crops, pixels")                              \
-    NUMBER(int, passes, 100, 0, kNoLimit, "times that all frames are taken; a step takes one") \
+    NUMBER(int, batch, 1, 1, 64, "frames of a step")                                           \
+    NUMBER(int, passes, 100, 0, kNoLimit, "times that all frames are taken")                   \
     NUMBER(double, sigmaStart, 1e-4, 1e-9, 1, "softness of the rim at first, squared NDC")     \
     NUMBER(double, sigma, 1e-5, 1e-9, 1, "softness of the rim at last, squared NDC")           \
     NUMBER(double, lrTheta, 1e-2, 0, 10, "rad per step and joint; translations follow")        \
@@ -49,13 +50,19 @@ struct FitStart {
 // A frame comes by once in a pass: short memories, and nothing that pulls poses to zero.
 inline constexpr AdamWOptions kFitOptimiser{.beta1 = 0.5f, .beta2 = 0.95f, .weightDecay = 0};
 
-// One step on the frame of StepParams.frame: forward, backward and update in one graph.
+// One step over a batch of frames: forward, backward and update in one graph.
 struct FitStep {
+    struct Sample {
+        Tensor camera, target;  // kCameraShape, [S,S]: inputs
+        Tensor keypoints;       // [24,3] as keypointLoss() has it; empty without keypoints
+    };
     Parameters corrections, shape;  // outlive what the graph has under way
     Graph graph;
     Losses losses{graph};  // iou_loss (L_s), prior, keypoints
-    Tensor camera, target,
-        keypoints;  // inputs: kCameraShape, [S,S], [24,3] as keypointLoss() has it
+    // Of each frame of the batch: StepParams with the frame, and the corrections of how often it
+    // has come by. The shape goes by graph.setStep().
+    std::vector<Tensor> poseSteps;
+    std::vector<Sample> samples;  // of this rank's part of the batch
 
     FitStep(Device& device, const BodyModel& body, FitStart start, const FitPreset& preset,
             const CompileOptions& options = {});

@@ -56,6 +56,7 @@ MeshStep::MeshStep(Device& device, const BodyModel& body, const std::array<float
                    const Parameters& net, const MeshPreset& preset, const CompileOptions& options,
                    std::span<const float> texels, std::span<const float> light)
     : graph(device) {
+    graph.join(options.ranks);
     MeshNetwork network = meshNetwork(graph, body, meshNetConfig(preset), preset.clamps, net);
     LbsModel skin = lbsModel(graph, body);
     Tensor rest = graph.constant(body.restVertices(), {body.vertexCount, 3});
@@ -75,7 +76,7 @@ MeshStep::MeshStep(Device& device, const BodyModel& body, const std::array<float
         albedo = graph.constant(texels, {side, side, 3});
         lights.emplace(graph, body, faces, side, light);
     }
-    for (int i = 0; i < preset.batch; ++i) {
+    for (int i = 0; i < preset.batch / sizeOf(options.ranks); ++i) {
         Sample sample{graph.input(kCameraShape),
                       graph.input({preset.size, preset.size}),
                       graph.input({kThetaSize}),

@@ -94,7 +94,7 @@ struct MeshStep {
     Graph graph;
     Losses losses{
         graph};  // iou_loss or edges (L_s), colour, offsets; laplacian (L_gl), normal (L_gn)
-    std::vector<Sample> samples;
+    std::vector<Sample> samples;  // of this rank's part of the batch
 
     // net: as declared by addMeshNetParameters() and allocated; outlives the step. texels
     // [size,size,3]: what the body is drawn with where colours count; empty: they do not. light:

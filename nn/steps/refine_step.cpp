@@ -71,8 +71,9 @@ RefineStep::RefineStep(Device& device, const BodyModel& body, const RefinePreset
                        const RefineNetworks& networks, const CoarseTexture& coarse,
                        const CompileOptions& options)
     : graph(device) {
+    graph.join(options.ranks);
     const int64_t size = preset.size, texels = networks.generator.config().size,
-                  batch = preset.batch;
+                  batch = preset.batch / sizeOf(options.ranks);
     CHECK(batch > 0, "a batch has frames");
     RasterMesh mesh = rasterMesh(graph, body.faces, body.vertexCount);
     Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});

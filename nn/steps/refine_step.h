@@ -99,7 +99,7 @@ public:
     // reconstruction, misaligned; gan_image and gan_face, L(D(Î), real), and behind them
     // discriminator_image and discriminator_face, L_D, for the discriminators that are used.
     Losses losses{graph};
-    std::vector<Sample> samples;
+    std::vector<Sample> samples;  // of this rank's part of the batch
     Tensor faceCentres;  // [N,2] where the head's joint is in the picture: column, row, in pixels
 };
 

@@ -78,6 +78,7 @@ SurfaceState::SurfaceState(Device& device, const BodyModel& body, SurfaceStart f
 SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& state,
                          const SurfacePreset& preset, const CompileOptions& options)
     : graph(device) {
+    graph.join(options.ranks);
     const SurfaceStart& start = state.start;
     Parameters &corrections = state.corrections, &offsets = state.offsets, &texels = state.texels;
     const auto frames = static_cast<int64_t>(start.poses.size()) / kPoseRow;
@@ -124,19 +125,20 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
                               static_cast<float>(d)};
     };
     const SurfaceOptions drawing{.samples = preset.samples};
+    for (int i = 0; i < preset.batch; ++i)
+        poseSteps.push_back(graph.input({sizeof(StepParams) / 4}, ElementType::I32));
     std::vector<Tensor> rows;
-    for (int i = 0; i < preset.batch; ++i) {
+    for (const Tensor& poseStep : partOf(options.ranks, poseSteps)) {
         Sample sample;
-        sample.step = graph.input({sizeof(StepParams) / 4}, ElementType::I32);
         sample.camera = graph.input(kCameraShape);
         sample.mask = graph.input({size, size});
         sample.counts = graph.input({size, size});
         sample.scale = graph.input({1});
-        Tensor correction = selectRow(graph, table, sample.step, kFrameWord);
+        Tensor correction = selectRow(graph, table, poseStep, kFrameWord);
         if (start.movesPoses) graph.watch(correction);
         rows.push_back(correction);
-        Pose pose = poseCorrection(graph, selectRow(graph, given, sample.step, kFrameWord),
-                                   correction, state.transScale);
+        Pose pose = poseCorrection(graph, selectRow(graph, given, poseStep, kFrameWord), correction,
+                                   state.transScale);
         PosedBody posed = lbs(graph, skin, rest, pose.theta, beta, pose.trans);
         if (coloured) {
             sample.image = graph.input({size, size, 3});
@@ -161,9 +163,8 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
         if (start.movesPoses)
             losses.term(
                 "prior", 1,
-                posePrior(graph, correction, selectRow(graph, table, sample.step, kFrameWord, -1),
-                          selectRow(graph, table, sample.step, kFrameWord, 1), joints, beta,
-                          prior));
+                posePrior(graph, correction, selectRow(graph, table, poseStep, kFrameWord, -1),
+                          selectRow(graph, table, poseStep, kFrameWord, 1), joints, beta, prior));
         samples.push_back(sample);
     }
     if (start.movesOffsets) {
@@ -190,12 +191,14 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
     }
     graph.backward(losses.sum());
 
-    if (start.movesPoses)
-        for (size_t i = 0; i < rows.size(); ++i)
-            adamwRow(graph, table, graph.gradient(rows[i]),
+    if (start.movesPoses) {
+        const std::vector<Tensor> gradients = rowGradients(graph, rows);
+        for (size_t i = 0; i < poseSteps.size(); ++i)
+            adamwRow(graph, table, gradients[i],
                      graph.attach(corrections.section(Parameters::kMoment1), {frames, kPoseRow}),
                      graph.attach(corrections.section(Parameters::kMoment2), {frames, kPoseRow}),
-                     withRate(kPoseOptimiser, preset.lrTheta), samples[i].step);
+                     withRate(kPoseOptimiser, preset.lrTheta), poseSteps[i]);
+    }
     if (start.movesOffsets) {
         auto section = [&](Parameters::Section which) {
             return graph.attach(offsets.view(*offsets.find("offsets"), which), {V, 3});

@@ -102,15 +102,17 @@ struct SurfaceState {
 // One step over a batch of frames: forward, backward and updates in one graph.
 struct SurfaceStep {
     struct Sample {
-        Tensor step;    // StepParams: the frame, and the corrections of how often it has come by
-        Tensor camera;  // of samples x samples as many pixels as the targets have
+        Tensor camera;             // of samples x samples as many pixels as the targets have
         Tensor mask, counts;       // [S,S]; counts: the part of a pixel that the frame shows
         Tensor scale;              // [1] one over the mask's sum
         Tensor image, background;  // [S,S,3]; empty without colours
     };
     Graph graph;
     Losses losses{graph};  // silhouette (L_s), colour (L_c), prior, offsets, folds, texels
-    std::vector<Sample> samples;
+    // Of each frame of the batch: StepParams with the frame, and the corrections of how often it
+    // has come by.
+    std::vector<Tensor> poseSteps;
+    std::vector<Sample> samples;  // of this rank's part of the batch
 
     // The state outlives what the graph has under way.
     SurfaceStep(Device& device, const BodyModel& body, SurfaceState& state,

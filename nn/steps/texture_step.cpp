@@ -32,6 +32,7 @@ TextureStep::TextureStep(Device& device, const BodyModel& body, const TextureUne
                          const TexturePreset& preset, const CompileOptions& options,
                          std::span<const float> light)
     : graph(device) {
+    graph.join(options.ranks);
     int64_t size = preset.size, texels = net.config().size;
     RasterMesh mesh = rasterMesh(graph, body.faces, body.vertexCount);
     Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
@@ -41,7 +42,7 @@ TextureStep::TextureStep(Device& device, const BodyModel& body, const TextureUne
 
     // The network sees the whole batch at once, so its batch statistics are the batch's.
     std::vector<Tensor> maps;
-    for (int i = 0; i < preset.batch; ++i) {
+    for (int i = 0; i < preset.batch / sizeOf(options.ranks); ++i) {
         Sample sample{graph.input(kCameraShape), graph.input({body.vertexCount, 3}),
                       graph.input({size, size, 3}), graph.input({size, size})};
         if (!preset.constantInput)

@@ -51,8 +51,8 @@ struct TextureStep {
         Tensor camera, verts, image, mask;  // kCameraShape, [V,3], [S,S,3], [S,S]: inputs
     };
     Graph graph;
-    Losses losses{graph};  // reconstruction (L_pt)
-    std::vector<Sample> samples;
+    Losses losses{graph};         // reconstruction (L_pt)
+    std::vector<Sample> samples;  // of this rank's part of the batch
 
     // net: allocated; outlives the step. light: what lights what it paints (nn/steps/light.h).
     TextureStep(Device& device, const BodyModel& body, const TextureUnet& net,

@@ -16,8 +16,9 @@ BUFFER(2, readonly, StepParams, step);  // [1]
 ENTRY(forward) {
     uint seed = step.d[0].seed, now = step.d[0].step;
     EACH_PAIR(i, params.n) {
-        uint first = randomBits(seed, now, params.stream, 2 * i);
-        uint second = randomBits(seed, now, params.stream, 2 * i + 1);
+        uint element = params.first + 2 * i;
+        uint first = randomBits(seed, now, params.stream, element);
+        uint second = randomBits(seed, now, params.stream, element + 1);
         bvec2 stays = bvec2(first >= params.threshold, second >= params.threshold);
         y.d[i] = mix(vec2(0), params.scale * x.d[i], stays);
     }

@@ -30,6 +30,7 @@ struct DropoutParams {
     uint stream;     // keeps the dropouts of a network apart
     uint threshold;  // an element is dropped where its random 32 bits are below
     float scale;     // of those that stay
+    uint first;      // the number of x's first element among those of all ranks
 };
 SHARED_END
 #endif

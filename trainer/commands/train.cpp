@@ -14,6 +14,7 @@
 #include "trainer/data/frame_selection.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"
+#include "trainer/ranks/launched.h"
 #include "trainer/stages/train.h"
 
 namespace doppel {
@@ -39,6 +40,26 @@ void openViewer(const TrainOptions& options) {
         posix_spawn(&child, program.c_str(), nullptr, &attributes, arguments.data(), environ);
     posix_spawnattr_destroy(&attributes);
     if (error != 0) throwMachine("--view: the viewer cannot be started: {}", strerror(error));
+}
+
+// Who trains together, and on what.
+void sayRanks(LaunchedRanks& ranks, const DeviceInfo& mine) {
+    constexpr size_t kName = 128;
+    std::vector<char> name(kName), names(kName * static_cast<size_t>(ranks.size()));
+    fmt::format_to_n(name.begin(), kName - 1, "{}", mine.name);
+    ranks.allGather(std::as_bytes(std::span(name)).data(),
+                    std::as_writable_bytes(std::span(names)).data(), kName);
+    std::map<std::string, int> counts;
+    for (size_t at = 0; at < names.size(); at += kName) ++counts[&names[at]];
+    std::vector<std::string> devices;
+    for (const auto& [device, count] : counts)
+        devices.push_back(fmt::format("{} on {}", count, device));
+    fmt::print(stderr, "{} processes train together by {}: {}\n", ranks.size(), ranks.transport(),
+               fmt::join(devices, ", "));
+    if (devices.size() > 1)
+        fmt::print(stderr,
+                   "they have different devices: what one process alone would do they do with "
+                   "other roundings, and the slowest sets the pace\n");
 }
 
 }  // namespace
@@ -135,7 +156,16 @@ void runTrain(const TrainOptions& options) {
                 options.out.string());
         return;
     }
-    Device device(options.common.deviceOptions());
+    LaunchedRanks* ranks = launchedRanks();
+    DeviceOptions deviceOptions = options.common.deviceOptions();
+    if (ranks) deviceOptions.name = deviceOf(*ranks, deviceOptions.name);
+    Device device(deviceOptions);
+    if (ranks) {
+        if (options.profileSteps > 0)
+            throwInput("--profile: expected one process, found {}", ranks->size());
+        settings.ranks = ranks;
+        sayRanks(*ranks, device.info());
+    }
     TrainResult result = trainAvatar(device, std::move(avatar), std::move(capture), settings);
     if (settings.profileSteps > 0) return;
     if (options.common.json) {

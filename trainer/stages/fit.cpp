@@ -118,39 +118,51 @@ FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
     unwrap(fitted.theta);
     TrainingFrames frames(device, body, fitted, cache, preset.size, {.margin = kFitMargin});
     FitStart start = fitStart(fitted, settings.fitShape);
-    FitStep step(
-        device, body, start, preset,
-        {.memoryBudget = settings.memoryBudget, .timestamps = settings.loop.profileSteps > 0});
+    Ranks* sharing = settings.loop.sharing(preset.batch);
+    FitStep step(device, body, start, preset,
+                 {.memoryBudget = settings.memoryBudget,
+                  .timestamps = settings.loop.profileSteps > 0,
+                  .ranks = sharing});
 
     FrameSampler sampler(fitted.size(), settings.loop.seed);
     std::vector<uint32_t> visits(fitted.size());
-    StageLoop loop{.stage = "fit", .steps = int64_t{preset.passes} * int64_t(fitted.size())};
+    const int64_t taken = int64_t{preset.passes} * int64_t(fitted.size());
+    StageLoop loop{.stage = "fit", .steps = (taken + preset.batch - 1) / preset.batch};
     loop.follow(step.graph, step.losses);
+    loop.sharing = sharing;
     loop.identity = {{"frames", fmt::format("{}", fitted.size())}};
     loop.trained = {{"corrections", &step.corrections}, {"shape", &step.shape}};
     loop.frameName = [&](size_t frame) { return fitted.frames[frame].name; };
     loop.draw = [&] {
-        std::vector<size_t> drawn = sampler.next(1);
-        ++visits[drawn[0]];
+        std::vector<size_t> drawn = sampler.next(preset.batch);
+        for (size_t frame : drawn) ++visits[frame];
         return drawn;
     };
     loop.submit = [&](int64_t i, const std::vector<size_t>& drawn) {
-        size_t frame = drawn[0];
         double rate = scheduledRate(preset.lrTheta, preset.constantPart, i, loop.steps);
-        StepParams params = adamwStepParams(visits[frame], static_cast<float>(rate), kFitOptimiser);
-        params.frame = static_cast<uint32_t>(frame);
+        for (size_t k = drawn.size(); k-- > 0;) {
+            StepParams params =
+                adamwStepParams(visits[drawn[k]], static_cast<float>(rate), kFitOptimiser);
+            params.frame = static_cast<uint32_t>(drawn[k]);
+            step.graph.write(step.poseSteps[k], wordsOf(params));
+            step.graph.setStep(params);  // in the end, the first frame's
+        }
         // A wide band at first, in which far limbs are felt; a sharp one at the end.
         double done = static_cast<double>(i) / static_cast<double>(loop.steps);
         double narrow = std::min(1.0, done / 0.6);
         double sigma = preset.sigmaStart * std::pow(preset.sigma / preset.sigmaStart, narrow);
         double radius = sigma * std::log(1 / 1e-4 - 1);
-        step.graph.setStep(params);
-        step.graph.write(step.camera,
-                         cameraValues(rasterCamera(frames.camera(frame), sigma, radius)));
-        step.graph.write(step.target, frames.mask(frame));
-        if (start.keypoints)
-            step.graph.write(step.keypoints, jointTargets(*capture.keypoints, frame,
-                                                          frames.box(frame), preset.size));
+        const std::span<const size_t> mine = partOf(sharing, drawn);
+        for (size_t k = 0; k < mine.size(); ++k) {
+            const FitStep::Sample& sample = step.samples[k];
+            const size_t frame = mine[k];
+            step.graph.write(sample.camera,
+                             cameraValues(rasterCamera(frames.camera(frame), sigma, radius)));
+            step.graph.write(sample.target, frames.mask(frame));
+            if (sample.keypoints)
+                step.graph.write(sample.keypoints, jointTargets(*capture.keypoints, frame,
+                                                                frames.box(frame), preset.size));
+        }
         step.graph.submit();
     };
     if (!loop.run(settings.loop)) return result;
@@ -177,7 +189,7 @@ void trainFit(Device& device, TrainResult& result, const TrainSettings& settings
     FitSettings fit{.preset = result.avatar.preset.fit,
                     .loop = settings,
                     .memoryBudget = settings.memoryBudget};
-    if (!settings.keeps()) fit.loop.out.clear();
+    if (!settings.hasFolder()) fit.loop.out.clear();
     result.fit = fitCapture(device, result.avatar.body, result.capture, fit);
     result.avatar.betas = result.capture.betas;
 }
@@ -185,7 +197,7 @@ void trainFit(Device& device, TrainResult& result, const TrainSettings& settings
 void planFit(Device& device, const Avatar& avatar, const Capture& capture,
              const TrainSettings& settings) {
     FitStep(device, avatar.body, fitStart(capture, true), avatar.preset.fit,
-            settings.compileOptions());
+            settings.compileOptions(settings.sharing(avatar.preset.fit.batch)));
 }
 
 }  // namespace doppel

@@ -19,11 +19,12 @@ void trainMesh(Device& device, TrainResult& result, const TrainSettings& setting
     Avatar& avatar = result.avatar;
     const Capture& capture = result.capture;
     const MeshPreset& preset = avatar.preset.mesh;
+    Ranks* sharing = settings.sharing(preset.batch);
     FrameCache cache(capture);
     Parameters net;
     declareMeshNet(net, avatar, settings.seed);
     net.allocate(device);
-    MeshStep step(device, avatar.body, avatar.betas, net, preset, settings.compileOptions(),
+    MeshStep step(device, avatar.body, avatar.betas, net, preset, settings.compileOptions(sharing),
                   avatar.texels, avatar.light);
     const MeshStep::Sample& first = step.samples.at(0);
     const bool coloured = static_cast<bool>(first.image);
@@ -41,14 +42,16 @@ void trainMesh(Device& device, TrainResult& result, const TrainSettings& setting
     FrameSampler sampler(frames.count(), settings.seed + 17, weights);
     StageLoop loop{.stage = "mesh", .steps = stepsOf(preset, capture.size())};
     loop.follow(step.graph, step.losses);
+    loop.sharing = sharing;
     loop.identity = stageIdentity(avatar, "mesh");
     loop.trained = {{"net", &net}};
     loop.frameName = [&](size_t frame) { return capture.frames[frame].name; };
     loop.draw = [&] { return sampler.next(preset.batch); };
     loop.submit = [&](int64_t i, const std::vector<size_t>& drawn) {
-        for (size_t k = 0; k < drawn.size(); ++k) {
+        const std::span<const size_t> mine = partOf(sharing, drawn);
+        for (size_t k = 0; k < mine.size(); ++k) {
             const MeshStep::Sample& sample = step.samples[k];
-            size_t frame = drawn[k];
+            size_t frame = mine[k];
             step.graph.write(sample.theta, std::span<const float>(capture.theta[frame]));
             step.graph.write(sample.trans, std::span<const float>(capture.trans[frame]));
             step.graph.write(sample.target, frames.mask(frame));
@@ -66,7 +69,7 @@ void trainMesh(Device& device, TrainResult& result, const TrainSettings& setting
         }
         step.graph.setStep(stepParams(preset, i, loop.steps, settings.seed));
         step.graph.submit();
-        frames.prepare(sampler.peek(preset.batch));  // meanwhile
+        frames.prepare(partOf(sharing, sampler.peek(preset.batch)));  // meanwhile
     };
     loop.picture = [&] {
         avatar.meshNet = readWeights(net);
@@ -85,8 +88,9 @@ void planMesh(Device& device, const Avatar& avatar, const Capture&, const TrainS
     Parameters net;
     declareMeshNet(net, avatar, settings.seed);
     net.allocate(device);
-    MeshStep(device, avatar.body, avatar.betas, net, avatar.preset.mesh, settings.compileOptions(),
-             texels, plannedLight(avatar, settings));
+    MeshStep(device, avatar.body, avatar.betas, net, avatar.preset.mesh,
+             settings.compileOptions(settings.sharing(avatar.preset.mesh.batch)), texels,
+             plannedLight(avatar, settings));
 }
 
 }  // namespace doppel

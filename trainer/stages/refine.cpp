@@ -40,6 +40,7 @@ void trainRefine(Device& device, TrainResult& result, const TrainSettings& setti
             "stage refine: expected an avatar with a texture network; train stage texture "
             "first");
     const RefinePreset& preset = avatar.preset.refine;
+    Ranks* sharing = settings.sharing(preset.batch);
     FrameCache cache(capture);
     TrainingFrames frames(
         device, avatar.body, capture, cache, preset.size,
@@ -71,13 +72,14 @@ void trainRefine(Device& device, TrainResult& result, const TrainSettings& setti
 
     RefineNetworks nets(preset, avatar.preset.texture, static_cast<uint32_t>(settings.seed));
     nets.allocate(device);
-    RefineStep step(device, avatar.body, preset, nets, coarse, settings.compileOptions());
+    RefineStep step(device, avatar.body, preset, nets, coarse, settings.compileOptions(sharing));
 
     std::vector<double> weights;
     if (preset.balanceHeadings) weights = headingWeights(capture);
     FrameSampler sampler(frames.count(), settings.seed + 41, weights);
     StageLoop loop{.stage = "refine", .steps = stepsOf(preset, capture.size())};
     loop.follow(step.graph, step.losses);
+    loop.sharing = sharing;
     loop.identity = stageIdentity(avatar, "refine");
     loop.trained = {{"net", &nets.generator.parameters()},
                     {"image_discriminator", &nets.image.parameters()},
@@ -86,10 +88,11 @@ void trainRefine(Device& device, TrainResult& result, const TrainSettings& setti
     loop.frameName = [&](size_t frame) { return capture.frames[frame].name; };
     loop.draw = [&] { return sampler.next(preset.batch); };
     loop.submit = [&](int64_t i, const std::vector<size_t>& drawn) {
+        const std::span<const size_t> mine = partOf(sharing, drawn);
         std::vector<float> centres;
-        for (size_t k = 0; k < drawn.size(); ++k) {
+        for (size_t k = 0; k < mine.size(); ++k) {
             const RefineStep::Sample& sample = step.samples[k];
-            size_t frame = drawn[k];
+            size_t frame = mine[k];
             step.graph.write(sample.verts, verts[frame]);
             step.graph.write(sample.image, frames.image(frame));
             step.graph.write(sample.mask, frames.mask(frame));
@@ -99,7 +102,7 @@ void trainRefine(Device& device, TrainResult& result, const TrainSettings& setti
         step.graph.write(step.faceCentres, centres);
         step.graph.setStep(stepParams(preset, i, loop.steps, settings.seed));
         step.graph.submit();
-        frames.prepare(sampler.peek(preset.batch));  // meanwhile
+        frames.prepare(partOf(sharing, sampler.peek(preset.batch)));  // meanwhile
     };
     loop.picture = [&] {
         avatar.refineNet = weightsOf(nets.generator);
@@ -122,7 +125,8 @@ void planRefine(Device& device, const Avatar& avatar, const Capture&,
         coarse.net = &coarseNet.unet();
     RefineNetworks nets(preset.refine, preset.texture, static_cast<uint32_t>(settings.seed));
     nets.allocate(device);
-    RefineStep(device, avatar.body, preset.refine, nets, coarse, settings.compileOptions());
+    RefineStep(device, avatar.body, preset.refine, nets, coarse,
+               settings.compileOptions(settings.sharing(avatar.preset.refine.batch)));
 }
 
 }  // namespace doppel

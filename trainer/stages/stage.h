@@ -21,8 +21,9 @@ struct TrainSettings : LoopSettings {
     std::vector<std::string> stages{"fit", "mesh", "texture"};  // in this order
     uint64_t memoryBudget = 0;
 
-    CompileOptions compileOptions() const {
-        return {.memoryBudget = memoryBudget, .timestamps = profileSteps > 0};
+    // sharing: the ranks that share the stage's batches (LoopSettings::sharing()).
+    CompileOptions compileOptions(Ranks* sharing = nullptr) const {
+        return {.memoryBudget = memoryBudget, .timestamps = profileSteps > 0, .ranks = sharing};
     }
 };
 

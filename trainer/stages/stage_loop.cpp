@@ -4,6 +4,7 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <cstring>
 #include <optional>
 
 #include "trainer/avatar/checkpoint.h"
@@ -68,6 +69,20 @@ void printProfile(const std::string& stage, Graph& graph) {
                    sum.gflop, sum.milliseconds);
 }
 
+void average(Ranks& ranks, std::vector<double>& values) {
+    std::vector<float> floats(values.begin(), values.end());
+    ranks.average(floats);
+    std::ranges::copy(floats, values.begin());
+}
+
+// What one of them says holds for all.
+bool anyRank(Ranks* ranks, bool says) {
+    if (!ranks) return says;
+    float told = says ? 1.0f : 0.0f;
+    ranks->average({&told, 1});
+    return told > 0;
+}
+
 // Losses in the progress line, which has to fit in a terminal's.
 constexpr size_t kShownLosses = 5;
 
@@ -101,6 +116,29 @@ void StageLoop::checkFinite(int64_t step, const std::vector<double>& found,
                  stage, columns[bad], found[bad], step + 1, frames.empty() ? "" : frames + ")");
 }
 
+Ranks* LoopSettings::sharing(int batch) const {
+    return ranks && batch % ranks->size() == 0 ? ranks : nullptr;
+}
+
+std::vector<int32_t> wordsOf(const StepParams& params) {
+    std::vector<int32_t> words(sizeof(StepParams) / 4);
+    std::memcpy(words.data(), &params, sizeof(params));
+    return words;
+}
+
+// Steps that a checkpoint has, which all ranks go on from.
+int64_t StageLoop::start(const LoopSettings& settings, Checkpoint& checkpoint) const {
+    int64_t first = settings.keeps() && settings.resume ? checkpoint.restore() : 0;
+    if (first > steps)
+        throwInput("{}: steps_done: expected {} at most, found {}", checkpoint.path().string(),
+                   steps, first);
+    if (!settings.ranks) return first;
+    settings.ranks->broadcast(reinterpret_cast<std::byte*>(&first), sizeof(first));
+    for (const auto* all : {&trained, &statistics})
+        for (const auto& [name, parameters] : *all) parameters->broadcast(*settings.ranks);
+    return first;
+}
+
 bool StageLoop::run(const LoopSettings& settings) {
     bool profiles = settings.profileSteps > 0;
     std::map<std::string, std::string> mustAgree = identity;
@@ -110,15 +148,17 @@ bool StageLoop::run(const LoopSettings& settings) {
     for (const auto& [name, parameters] : trained) checkpoint.keepTrained(name, *parameters);
     for (const auto& [name, parameters] : statistics) checkpoint.keepStatistics(name, *parameters);
 
-    int64_t first = settings.keeps() && settings.resume ? checkpoint.restore() : 0;
-    if (first > steps)
-        throwInput("{}: steps_done: expected {} at most, found {}", checkpoint.path().string(),
-                   steps, first);
+    const int64_t first = start(settings, checkpoint);
     for (int64_t i = 0; i < first; ++i) draw();
 
     CHECK(!profiles || graph != nullptr, "a stage that profiles follows a graph");
     if (profiles) printPlan(stage, *graph, *trained.at(0).second);
     Progress progress(stage, profiles ? settings.profileSteps : steps);
+    if (settings.ranks && !sharing)
+        progress.note(fmt::format(
+            "{}: its batches cannot be shared by {} processes, so that each takes every "
+            "step whole; --set {}.batch=N with a multiple of them shares",
+            stage, settings.ranks->size(), stage));
     if (first > 0)
         progress.note(fmt::format("{}: going on after step {} of {}", stage, first, steps));
     std::optional<LossLog> log;
@@ -131,6 +171,7 @@ bool StageLoop::run(const LoopSettings& settings) {
         for (; reported < end; ++reported) {
             std::vector<double> given =
                 values(reported, static_cast<int>(submitted - 1 - reported));
+            if (sharing) average(*sharing, given);
             checkFinite(reported, given, drawn[static_cast<size_t>(reported % 2)]);
             Progress::Values shown;
             for (size_t c = 0; c < std::min(kShownLosses, given.size()); ++c)
@@ -154,10 +195,11 @@ bool StageLoop::run(const LoopSettings& settings) {
         // What is kept or shown is the state after step i, whose losses must be finite.
         bool draws = picture && pictures.due();
         bool saves = settings.keeps() && checkpoint.due(settings.checkpointSeconds);
-        if (!draws && !saves && !interrupted() && i + 1 < steps) continue;
+        const bool pauses = anyRank(settings.ranks, draws || saves || interrupted());
+        if (!pauses && i + 1 < steps) continue;
         reportUntil(i + 1, i + 1);
         if (draws) picture();
-        if (interrupted()) {
+        if (anyRank(settings.ranks, interrupted())) {
             if (!settings.keeps()) throw Interrupted{};
             checkpoint.save(i + 1);
             throw Interrupted{fmt::format("checkpoint {}, from which the same command goes on",

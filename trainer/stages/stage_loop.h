@@ -16,6 +16,8 @@
 
 namespace doppel {
 
+class Checkpoint;
+
 struct LoopSettings {
     std::filesystem::path out;  // checkpoints/ and log/ are in here; empty: nothing is kept
     uint64_t seed = 1;
@@ -24,10 +26,17 @@ struct LoopSettings {
     double pictureSeconds = 60;      // a picture of the state this often; 0: none
     // > 0: run so many steps of each stage, print the time per op, keep nothing.
     int profileSteps = 0;
+    // Processes that train together (nn/core/ranks.h); null: this one trains alone. All of them see
+    // the same folder, and rank 0 alone writes.
+    Ranks* ranks = nullptr;
     // Told of every step that was taken, before Ctrl-C and checkpoints are looked at. May throw.
     std::function<void(const std::string& stage, int64_t done)> afterStep;
 
-    bool keeps() const { return !out.empty() && profileSteps == 0; }
+    bool hasFolder() const { return !out.empty() && profileSteps == 0; }
+    bool keeps() const { return hasFolder() && rankOf(ranks) == 0; }
+    // Those that share batches of so many frames; null where they cannot, so that each of them
+    // takes every step whole.
+    Ranks* sharing(int batch) const;
 };
 
 // A stage as the loop sees it. What must survive a stop is all of: parameters with their moments
@@ -39,7 +48,8 @@ struct LoopSettings {
 //     loop.trained = {{"net", &net}};
 //     loop.draw = [&] { return sampler.next(batch); };
 //     loop.submit = [&](int64_t i, const std::vector<size_t>& drawn) {
-//         graph.write(...); graph.setStep(...); graph.submit();
+//         for (size_t frame : partOf(loop.sharing, drawn)) graph.write(...);
+//         graph.setStep(...); graph.submit();
 //     };
 //     if (!loop.run(settings)) return;   // profiled
 //     avatar.meshNet = readWeights(net);
@@ -61,6 +71,7 @@ struct StageLoop {
     std::vector<std::string> columns = {};
     std::function<std::vector<double>(int64_t step, int back)> values = {};
     std::function<void()> picture = {};  // draws the present state; may be empty
+    Ranks* sharing = nullptr;            // those that share its batches
     Graph* graph = nullptr;              // whose plan and times are printed where a run profiles
 
     // Columns and values of a step's losses, and its graph.
@@ -73,6 +84,7 @@ struct StageLoop {
     bool run(const LoopSettings& settings);
 
 private:
+    int64_t start(const LoopSettings& settings, Checkpoint& checkpoint) const;
     void checkFinite(int64_t step, const std::vector<double>& found,
                      const std::vector<size_t>& drawn) const;
 };
@@ -93,6 +105,9 @@ StepParams stepParams(const Preset& preset, int64_t i, int64_t steps, uint64_t s
     params.seed = static_cast<uint32_t>(seed);
     return params;
 }
+
+// A step's own numbers as the graph's inputs have them.
+std::vector<int32_t> wordsOf(const StepParams& params);
 
 // Sizes and numbers of a stage, for checkpoints of it: the body's, and the preset's.
 std::map<std::string, std::string> stageIdentity(const Avatar& avatar, const std::string& stage);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "nn/ops/fit.h"
 #include "nn/steps/light.h"
@@ -63,12 +62,6 @@ struct Scale {
         : frames(std::move(crops)), step(device, body, state, preset, options) {}
 };
 
-std::vector<int32_t> wordsOf(const StepParams& params) {
-    std::vector<int32_t> words(sizeof(StepParams) / 4);
-    std::memcpy(words.data(), &params, sizeof(params));
-    return words;
-}
-
 }  // namespace
 
 std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, Capture& capture,
@@ -90,6 +83,7 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
     std::optional<BackgroundPlates> scene;
     if (coloured) scene.emplace(capture, cache);
     const bool profiles = run.loop.profileSteps > 0;
+    Ranks* sharing = run.loop.sharing(preset.batch);
     auto scaleOf = [&](const SurfacePreset& numbers) {
         TrainingFrames frames(device, body, capture, cache, numbers.size,
                               {.colours = coloured,
@@ -100,7 +94,8 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
                                .scene = scene ? &*scene : nullptr});
         return std::make_unique<Scale>(
             std::move(frames), device, body, state, numbers,
-            CompileOptions{.memoryBudget = run.memoryBudget, .timestamps = profiles});
+            CompileOptions{
+                .memoryBudget = run.memoryBudget, .timestamps = profiles, .ranks = sharing});
     };
     // Coarse to fine: pixels of twice the size reach twice as far, in a quarter of the time.
     const int64_t coarse = profiles ? 0 : std::llround(preset.coarse * preset.steps);
@@ -112,6 +107,7 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
     std::vector<uint32_t> visits(capture.size());
     StageLoop loop{.stage = run.stage, .steps = preset.steps};
     loop.follow(scale->step.graph, scale->step.losses);
+    loop.sharing = sharing;
     loop.values = [&](int64_t i, int back) {
         return i < coarse && !isCoarse ? lastCoarse : scale->step.losses.read(back);
     };
@@ -141,11 +137,14 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
             static_cast<double>(i) / static_cast<double>(std::max<int64_t>(1, loop.steps - 1));
         const auto rate = static_cast<float>(std::pow(preset.decay, done));
         for (size_t k = 0; k < drawn.size(); ++k) {
+            StepParams row = adamwStepParams(visits[drawn[k]], rate, kPoseOptimiser);
+            row.frame = static_cast<uint32_t>(drawn[k]);
+            step.graph.write(step.poseSteps[k], wordsOf(row));
+        }
+        const std::span<const size_t> mine = partOf(sharing, drawn);
+        for (size_t k = 0; k < mine.size(); ++k) {
             const SurfaceStep::Sample& sample = step.samples[k];
-            const size_t frame = drawn[k];
-            StepParams row = adamwStepParams(visits[frame], rate, kPoseOptimiser);
-            row.frame = static_cast<uint32_t>(frame);
-            step.graph.write(sample.step, wordsOf(row));
+            const size_t frame = mine[k];
             Camera camera = frames.camera(frame);
             camera.fx *= preset.samples, camera.fy *= preset.samples;
             camera.cx *= preset.samples, camera.cy *= preset.samples;
@@ -159,7 +158,7 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
         }
         step.graph.setStep(adamwStepParams(static_cast<uint32_t>(i + 1), rate, kSurfaceOptimiser));
         step.graph.submit();
-        frames.prepare(sampler.peek(preset.batch));  // meanwhile
+        frames.prepare(partOf(sharing, sampler.peek(preset.batch)));  // meanwhile
     };
     auto result = [&] {
         return SurfaceResult{state.offsetValues(),
@@ -217,7 +216,8 @@ void planShape(Device& device, const Avatar& avatar, const Capture& capture,
     const SurfacePreset preset = fitting(avatar.preset.shape, capture);
     SurfaceState state(device, avatar.body, {.poses = poseRows(capture), .betas = capture.betas},
                        preset);
-    SurfaceStep(device, avatar.body, state, preset, settings.compileOptions());
+    SurfaceStep(device, avatar.body, state, preset,
+                settings.compileOptions(settings.sharing(preset.batch)));
 }
 
 void planTexels(Device& device, const Avatar& avatar, const Capture& capture,
@@ -227,7 +227,8 @@ void planTexels(Device& device, const Avatar& avatar, const Capture& capture,
     start.texels.resize(3 * static_cast<size_t>(size) * static_cast<size_t>(size));
     const SurfacePreset preset = fitting(avatar.preset.texels, capture);
     SurfaceState state(device, avatar.body, std::move(start), preset);
-    SurfaceStep(device, avatar.body, state, preset, settings.compileOptions());
+    SurfaceStep(device, avatar.body, state, preset,
+                settings.compileOptions(settings.sharing(preset.batch)));
 }
 
 std::vector<float> plannedLight(const Avatar& avatar, const TrainSettings& settings) {
@@ -245,7 +246,7 @@ void trainShape(Device& device, TrainResult& result, const TrainSettings& settin
                    .loop = settings,
                    .memoryBudget = settings.memoryBudget,
                    .identity = stageIdentity(avatar, "shape")};
-    if (!settings.keeps()) run.loop.out.clear();
+    if (!settings.hasFolder()) run.loop.out.clear();
     run.picture = [&](const SurfaceResult& state) {
         Avatar now = avatar;
         setOffsets(now, state.offsets);
@@ -277,7 +278,7 @@ void trainTexels(Device& device, TrainResult& result, const TrainSettings& setti
                    .memoryBudget = settings.memoryBudget,
                    .identity = stageIdentity(avatar, "texels")};
     run.identity["texture.textureSize"] = fmt::format("{}", size);
-    if (!settings.keeps()) run.loop.out.clear();
+    if (!settings.hasFolder()) run.loop.out.clear();
     auto take = [&](Avatar& to, const SurfaceResult& state) {
         setOffsets(to, state.offsets);
         to.textureSize = size;

@@ -19,6 +19,7 @@ void trainTexture(Device& device, TrainResult& result, const TrainSettings& sett
     // Texels that frames gave are near their best: what a network does to them in long steps is
     // noise.
     if (!avatar.texels.empty()) preset.lr = preset.lrOver;
+    Ranks* sharing = settings.sharing(preset.batch);
     FrameCache cache(capture);
     TrainingFrames frames(
         device, avatar.body, capture, cache, preset.size,
@@ -33,7 +34,7 @@ void trainTexture(Device& device, TrainResult& result, const TrainSettings& sett
     }
 
     TextureNet net(device, avatar, settings.seed);
-    TextureStep step(device, avatar.body, net.unet(), preset, settings.compileOptions(),
+    TextureStep step(device, avatar.body, net.unet(), preset, settings.compileOptions(sharing),
                      avatar.light);
 
     std::vector<double> weights;
@@ -41,15 +42,17 @@ void trainTexture(Device& device, TrainResult& result, const TrainSettings& sett
     FrameSampler sampler(frames.count(), settings.seed + 29, weights);
     StageLoop loop{.stage = "texture", .steps = preset.steps};
     loop.follow(step.graph, step.losses);
+    loop.sharing = sharing;
     loop.identity = stageIdentity(avatar, "texture");
     loop.trained = {{"net", &net.parameters()}};
     loop.statistics = {{"statistics", &net.state()}};
     loop.frameName = [&](size_t frame) { return capture.frames[frame].name; };
     loop.draw = [&] { return sampler.next(preset.batch); };
     loop.submit = [&](int64_t i, const std::vector<size_t>& drawn) {
-        for (size_t k = 0; k < drawn.size(); ++k) {
+        const std::span<const size_t> mine = partOf(sharing, drawn);
+        for (size_t k = 0; k < mine.size(); ++k) {
             const TextureStep::Sample& sample = step.samples[k];
-            size_t frame = drawn[k];
+            size_t frame = mine[k];
             step.graph.write(sample.verts, verts[frame]);
             step.graph.write(sample.image, frames.image(frame));
             step.graph.write(sample.mask, frames.mask(frame));
@@ -57,7 +60,7 @@ void trainTexture(Device& device, TrainResult& result, const TrainSettings& sett
         }
         step.graph.setStep(stepParams(preset, i, loop.steps, settings.seed));
         step.graph.submit();
-        frames.prepare(sampler.peek(preset.batch));  // meanwhile
+        frames.prepare(partOf(sharing, sampler.peek(preset.batch)));  // meanwhile
     };
     auto paint = [&] {
         avatar.textureNet = net.weights();
@@ -73,7 +76,8 @@ void trainTexture(Device& device, TrainResult& result, const TrainSettings& sett
 void planTexture(Device& device, const Avatar& avatar, const Capture&,
                  const TrainSettings& settings) {
     const TextureNet net(device, avatar, settings.seed);
-    TextureStep(device, avatar.body, net.unet(), avatar.preset.texture, settings.compileOptions(),
+    TextureStep(device, avatar.body, net.unet(), avatar.preset.texture,
+                settings.compileOptions(settings.sharing(avatar.preset.texture.batch)),
                 plannedLight(avatar, settings));
 }
 

@@ -98,7 +98,22 @@ public:
     Run(const TrainSettings& settings, const Avatar& avatar, const Capture& capture,
         Precision precision)
         : settings_(settings) {
-        if (!settings.keeps()) return;
+        if (!settings.hasFolder()) return;
+        // All have read what was there before rank 0 changes it, and what it goes on from before
+        // it goes on.
+        auto wait = [&] {
+            if (settings.ranks) settings.ranks->barrier();
+        };
+        wait();
+        if (settings.keeps()) begin(avatar, capture, precision);
+        wait();
+        if (!settings.keeps() && settings.resume)
+            record_ = readRunRecord(settings.out).value_or(RunRecord());
+        wait();
+    }
+
+    void begin(const Avatar& avatar, const Capture& capture, Precision precision) {
+        const TrainSettings& settings = settings_;
         created_ = !std::filesystem::exists(settings.out);
         createFolders(settings.out);
         lock_.emplace(settings.out);
@@ -353,7 +368,7 @@ TrainResult trainAvatar(Device& device, Avatar avatar, Capture capture,
     TrainResult result{std::move(avatar), capture, std::nullopt};
     Run run(settings, result.avatar, result.capture, device.precision());
     // Stages that go on with an avatar go on with the poses that its former ones found.
-    if (!run.wants("fit") && settings.keeps()) takeTrainingPoses(settings.out, result.capture);
+    if (!run.wants("fit") && settings.hasFolder()) takeTrainingPoses(settings.out, result.capture);
     try {
         if (settings.opened && settings.keeps()) {
             writeLiveAvatar(settings.out, result.avatar);

@@ -10,14 +10,16 @@ namespace doppel {
 
 namespace {
 
-// A layer and how its passes are dispatched. On CPUs small images go through all passes in one
-// dispatch (wholeChannels), and larger ones of even sizes by whole vectors (byBlocks); pixels go in
-// pairs there, where their number is even.
+// A layer and how its passes are dispatched. Where ranks share a batch (nn/core/ranks.h), the
+// statistics are the whole batch's: the sums of all ranks are joined by each. On CPUs small images
+// go through all passes in one dispatch (wholeChannels), and larger ones of even sizes by whole
+// vectors (byBlocks); pixels go in pairs there, where their number is even.
 struct BatchNormLayer {
     Tensor x, weight, bias, y, mean, deviation;
     RunningStatistics running;
     bool training;
     int64_t images, channels, pixels;
+    int64_t ranks;  // that share the batch whose statistics these are
     BatchNormParams params;
     bool wholeChannels, byBlocks;
     std::string variant;  // of the kernels
@@ -41,7 +43,8 @@ struct BatchNormLayer {
           training(training_),
           images(x_.dim(0)),
           channels(x_.dim(1)),
-          pixels(x_.dim(2) * x_.dim(3)) {
+          pixels(x_.dim(2) * x_.dim(3)),
+          ranks(training ? sizeOf(graph.ranks()) : 1) {
         const KernelPath& path = graph.device().kernelPath();
         const bool pairs = path.texels && pixels % 2 == 0;
         if (!pairs) variant = "@plain";
@@ -54,7 +57,7 @@ struct BatchNormLayer {
 
         constexpr int64_t kSmall = 4096;
         lanes = path.vectorLanes;
-        wholeChannels = lanes > 0 && images * pixels <= kSmall;
+        wholeChannels = lanes > 0 && ranks == 1 && images * pixels <= kSmall;
         chunks = pixels / kChunkElements;
         uint32_t together = chunks % 16 == 0 ? 16 : 4;
         byBlocks = blockLanes(graph.device()) > 0 && !wholeChannels && channels <= 4096 &&
@@ -62,7 +65,7 @@ struct BatchNormLayer {
         blocksParams = {.channels = u32(channels),
                         .chunks = u32(chunks),
                         .slope = options.slope,
-                        .all = 1 / static_cast<float>(images * pixels)};
+                        .all = 1 / static_cast<float>(ranks * images * pixels)};
         blocks = {u32(chunks / together), u32(channels), u32(images)};
         forBlocks = {{"local_size", lanes * together},
                      {"kLanes", lanes},
@@ -97,13 +100,36 @@ struct BatchNormLayer {
                                  params, sum ? sums : passes, spec);
     }
 
-    // What joins the sums of blocks' chunks.
+    // Sums of `count` ranks of each channel, [rows,n], side by side.
+    Tensor gathered(Graph& graph, const Tensor& partial, int64_t rows) const {
+        return ranks > 1 ? graph.ofAllRanks(partial, rows) : partial;
+    }
+    BatchNormParams of(int64_t count) const {
+        BatchNormParams all = params;
+        all.images = u32(count * images);
+        all.threads = u32(count * int64_t{params.threads});
+        return all;
+    }
+
+    // What joins the sums of blocks' chunks, of so many ranks.
     void join(Graph& graph, const char* kernel, std::initializer_list<Argument> arguments,
-              Specialisation spec = {}) const {
-        BatchNormParams joined = params;
-        joined.threads = u32(images * chunks);
+              int64_t count, Specialisation spec = {}) const {
+        BatchNormParams joined = of(count);
+        joined.threads = u32(count * images * chunks);
         spec["local_size"] = lanes;
         graph.dispatch(kernel, arguments, joined, uint64_t(channels), spec);
+    }
+
+    // dweight and dbias [C] from the gradients' sums of so many ranks.
+    void parameterGradients(Graph& graph, const Tensor& partial, int64_t count,
+                            const Tensor& dweight, const Tensor& dbias) const {
+        if (byBlocks)
+            join(graph, "conv/batch_norm.chunk_parameters",
+                 {{"chunkSums", partial}, {"dweight", dweight}, {"dbias", dbias}}, count);
+        else
+            graph.dispatch("conv/batch_norm.parameters",
+                           {{"sums", partial}, {"dweight", dweight}, {"dbias", dbias}}, of(count),
+                           uint64_t(channels));
     }
 
     void forward(Graph& graph) const {
@@ -145,29 +171,28 @@ struct BatchNormLayer {
             Tensor partial = graph.temporary({channels, images * chunks, 2});
             pass(graph, Pass::Sum, "sum_values", {{"x", x}, {"partial", partial}});
             join(graph, "conv/batch_norm.chunk_statistics",
-                 {{"chunkSums", partial},
+                 {{"chunkSums", gathered(graph, partial, channels)},
                   {"mean", mean},
                   {"deviation", deviation},
                   {"runningMean", runningMean(graph)},
                   {"runningVariance", runningVariance(graph)}},
-                 spec);
+                 ranks, spec);
             return;
         }
-        Tensor partial = graph.temporary({channels, int64_t{params.threads}});
-        auto sum = [&](uint32_t centred) {
+        auto summed = [&](uint32_t centred) {
+            Tensor partial = graph.temporary({channels, int64_t{params.threads}});
             pass(graph, Pass::Sum, "sum_values", {{"x", x}, {"partial", partial}, {"mean", mean}},
                  {{"kCentred", centred}});
+            return gathered(graph, partial, channels);
         };
-        sum(0);
         graph.dispatch("conv/batch_norm.mean",
-                       {{"sums", partial}, {"mean", mean}, {"runningMean", runningMean(graph)}},
-                       params, uint64_t(channels), spec);
-        sum(1);
+                       {{"sums", summed(0)}, {"mean", mean}, {"runningMean", runningMean(graph)}},
+                       of(ranks), uint64_t(channels), spec);
         graph.dispatch("conv/batch_norm.deviation",
-                       {{"sums", partial},
+                       {{"sums", summed(1)},
                         {"deviation", deviation},
                         {"runningVariance", runningVariance(graph)}},
-                       params, uint64_t(channels), spec);
+                       of(ranks), uint64_t(channels), spec);
     }
 
     void backward(Graph& graph) const {
@@ -214,25 +239,26 @@ struct BatchNormLayer {
                   {"weight", weight},
                   {"bias", bias},
                   {"partial", partial}});
-        if (byBlocks)
-            join(graph, "conv/batch_norm.chunk_parameters",
-                 {{"chunkSums", partial}, {"dweight", dweight}, {"dbias", dbias}});
-        else
-            graph.dispatch("conv/batch_norm.parameters",
-                           {{"sums", partial}, {"dweight", dweight}, {"dbias", dbias}}, params,
-                           uint64_t(channels));
+        parameterGradients(graph, partial, 1, dweight, dbias);
         if (atOnce || !graph.wantsGradient(x)) return;
-        pass(graph, Pass::Elements, "input_gradient",
-             {{"x", x},
-              {"dy", dy},
-              {"mean", mean},
-              {"deviation", deviation},
-              {"weight", weight},
-              {"bias", bias},
-              {"dweight", dweight},
-              {"dbias", dbias},
-              {"y", graph.gradientTarget(x)}},
-             byBlocks ? Specialisation() : spec);
+        BatchNormLayer all = *this;
+        all.params = of(ranks);  // which counts the elements of all
+        if (ranks > 1) {         // this rank's part was the parameters' gradient; x depends on all
+            dweight = graph.temporary({channels}), dbias = graph.temporary({channels});
+            parameterGradients(graph, graph.ofAllRanks(partial, byBlocks ? channels : 2 * channels),
+                               ranks, dweight, dbias);
+        }
+        all.pass(graph, Pass::Elements, "input_gradient",
+                 {{"x", x},
+                  {"dy", dy},
+                  {"mean", mean},
+                  {"deviation", deviation},
+                  {"weight", weight},
+                  {"bias", bias},
+                  {"dweight", dweight},
+                  {"dbias", dbias},
+                  {"y", graph.gradientTarget(x)}},
+                 byBlocks ? Specialisation() : spec);
     }
 };
 
