@@ -22,10 +22,10 @@ namespace fs = std::filesystem;
 // From the lowest to the highest. A file includes files of its own folder and of folders before it.
 // A folder that is not named here has the place of the folder that it lies in.
 const std::vector<std::string> kOrder = {
-    "engine",         "engine/io",      "nn/core",        "nn/body",         "nn/ops",
-    "nn/nets",        "nn/steps",       "nn/tools",       "trainer/data",    "trainer/motion",
-    "trainer/avatar", "viewer/window",  "viewer/pose",    "viewer",          "trainer/eval",
-    "trainer/person", "trainer/import", "trainer/stages", "trainer/commands"};
+    "engine",         "engine/io",      "nn/core",        "nn/body",        "nn/ops",
+    "nn/nets",        "nn/steps",       "nn/tools",       "trainer/data",   "trainer/ranks",
+    "trainer/motion", "trainer/avatar", "viewer/window",  "viewer/pose",    "viewer",
+    "trainer/eval",   "trainer/person", "trainer/import", "trainer/stages", "trainer/commands"};
 // The viewer stands beside these: neither includes the other.
 const std::set<std::string> kBesideViewer = {"trainer/eval", "trainer/person", "trainer/import",
                                              "trainer/stages"};

@@ -45,7 +45,7 @@ glm::dvec3 Viewer::onScreen(const glm::dvec3& world, const Pane& pane) const {
 // The nearest joint under the cursor, seen or hidden; of two in one place the nearer to the eye.
 std::optional<size_t> Viewer::jointAt(double x, double y) const {
     const Pane* pane = paneAt(x, y);
-    if (!pane || !handles()) return std::nullopt;
+    if (!pane || pane->other || !handles()) return std::nullopt;
     PosedSkeleton body = posed();
     std::optional<size_t> best;
     double least = INFINITY;
@@ -96,7 +96,7 @@ std::vector<glm::dvec2> Viewer::ring(int axis, const Pane& pane) const {
 
 std::optional<Viewer::RingHit> Viewer::ringAt(double x, double y) const {
     const Pane* pane = paneAt(x, y);
-    if (!pane || !selected_ || !handles()) return std::nullopt;
+    if (!pane || pane->other || !selected_ || !handles()) return std::nullopt;
     std::optional<RingHit> hit;
     const double ringRadius = kRingRadius * window_.unit();
     double least = kRingPick * window_.unit();
@@ -225,6 +225,8 @@ void Viewer::handleMouse() {
             editor_->beginGesture(std::string("turn ") + jointName(*selected_));
             dragAsked_ = dragTurned_ = 0;
             drag_ = Drag::Ring;
+        } else if (left && onDivider(mouse_.x)) {
+            drag_ = Drag::Divider;
         } else if (left || right || middle) {
             drag_ = middle && io.KeyCtrl                         ? Drag::Dolly
                     : right || ((left || middle) && io.KeyShift) ? Drag::Pan
@@ -266,6 +268,9 @@ void Viewer::handleMouse() {
         case Drag::Ring:
             dragRing();
             break;
+        case Drag::Divider:
+            dragDivider();
+            break;
         case Drag::None:
             break;
     }
@@ -284,7 +289,7 @@ void Viewer::handleMouse() {
 // What is under the mouse stays there.
 void Viewer::dollyToMouse(double factor) {
     const double scale = window_.scale();
-    orbit_.dollyAt(factor, mouse_.x * scale - dragPane_.x - dragPane_.width / 2.0,
+    orbit_.dollyAt(factor, mouse_.x * scale - dragPane_.viewX - dragPane_.viewWidth / 2.0,
                    mouse_.y * scale - dragPane_.y - dragPane_.height / 2.0, dragPane_.height);
 }
 

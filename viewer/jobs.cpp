@@ -63,10 +63,12 @@ Motion Viewer::shownMotion() const {
 void Viewer::startFilm(const fs::path& out, const FilmSettings& settings) {
     if (film_) throwInput("a film is being drawn already");
     if (panes_.empty()) throwInput("there is no picture to film");
-    Pane pane = panes_.back();
+    Pane pane = panes_.back().other ? panes_.front() : panes_.back();
+    pane.x = pane.viewX;  // of a part of a view the whole
+    pane.width = pane.viewWidth;
     if (settings.size > 0) {
         double scale = static_cast<double>(settings.size) / std::max(pane.width, pane.height);
-        pane.width = std::max(16, static_cast<int>(pane.width * scale));
+        pane.width = pane.viewWidth = std::max(16, static_cast<int>(pane.width * scale));
         pane.height = std::max(16, static_cast<int>(pane.height * scale));
     }
     const int64_t end = frameCount() - 1, first = std::clamp<int64_t>(settings.first, 0, end),

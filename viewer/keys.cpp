@@ -153,9 +153,7 @@ void Viewer::handleKeys() {
                 settings_.joints = !settings_.joints;
                 break;
             case GLFW_KEY_B:
-                settings_.split = settings_.split == Split::None     ? Split::Meshes
-                                  : settings_.split == Split::Meshes ? Split::Textures
-                                                                     : Split::None;
+                nextSplit();
                 break;
             case GLFW_KEY_I:
                 toggleInspector();
@@ -195,7 +193,7 @@ void Viewer::frameAll() {
     Pose pose = editor_->pose();
     scene_->setPose(thetaOf(pose), transOf(pose), editor_->betas());
     settings_.captureCamera = false;
-    orbit_.frame(scene_->vertices(settings_.mesh), panes_[0].width, panes_[0].height);
+    orbit_.frame(scene_->vertices(settings_.mesh), panes_[0].viewWidth, panes_[0].height);
 }
 
 // A hand's breadth around the joint and what hangs on it next; all of the body without one.
@@ -214,7 +212,7 @@ void Viewer::frameSelected() {
             }
     }
     settings_.captureCamera = false;
-    orbit_.frame(points, panes_[0].width, panes_[0].height);
+    orbit_.frame(points, panes_[0].viewWidth, panes_[0].height);
 }
 
 void Viewer::setKey() {

@@ -33,21 +33,31 @@ void Viewer::drawOverlays() {
         auto x = static_cast<float>(panes_[1].x / scale);
         auto bottom = static_cast<float>(panes_[1].height / scale);
         list.AddLine({x, 0}, {x, bottom}, IM_COL32(255, 255, 255, 160), 1);
-        bool meshes = settings_.split == Split::Meshes;
-        const char* left = meshes ? "body" : "coarse texture";
-        const char* right = meshes ? "refined mesh" : "refined texture";
-        for (const auto& [at, name] : {std::pair{0.f, left}, {x, right}})
+        for (const auto& [at, name] :
+             {std::pair{0.f, splitNames().first}, {x, splitNames().second}})
             drawLabel({at + 12 * unit, bottom - 54 * unit}, name);
+        if (settings_.divided) {
+            const bool hot =
+                drag_ == Drag::Divider ||
+                (drag_ == Drag::None && paneAt(mouse_.x, mouse_.y) && onDivider(mouse_.x));
+            const ImVec2 grip{x, bottom / 2};
+            list.AddCircleFilled(grip, (hot ? 9.f : 7.f) * unit, IM_COL32(18, 19, 22, 220));
+            list.AddCircle(grip, (hot ? 9.f : 7.f) * unit, IM_COL32(255, 255, 255, 230), 0,
+                           1.5f * unit);
+        }
     }
     if (film_) return;
     if (settings_.floor)
-        for (const Pane& pane : panes_) drawHeight(pane);
+        for (const Pane& pane : panes_)
+            if (!pane.other) drawHeight(pane);
     if (inspecting())
-        for (const Pane& pane : panes_) drawInspected(pane);
+        for (const Pane& pane : panes_)
+            if (!pane.other) drawInspected(pane);
     // They stay while the panel is used: whoever turns a joint there looks for it here.
     if (!handles()) return;
     PosedSkeleton body = posed();
     for (const Pane& pane : panes_) {
+        if (pane.other) continue;
         list.PushClipRect(
             {float(pane.x / scale), float(pane.y / scale)},
             {float((pane.x + pane.width) / scale), float((pane.y + pane.height) / scale)});

@@ -110,9 +110,19 @@ void Viewer::drawViewTab() {
     auto split = number(settings_.split);
     constexpr Choice kSplits[] = {{"off", static_cast<int>(Split::None)},
                                   {"body | refined mesh", static_cast<int>(Split::Meshes)},
-                                  {"coarse | refined", static_cast<int>(Split::Textures)}};
-    choose("side by side", "Compares two meshes or two textures (B).", kSplits, split);
-    settings_.split = static_cast<Split>(split);
+                                  {"coarse | refined", static_cast<int>(Split::Textures)},
+                                  {"this avatar | another", static_cast<int>(Split::Avatars)}};
+    choose("compare", "Two meshes, two textures or two avatars (B).", kSplits, split);
+    const bool asks = split == static_cast<int>(Split::Avatars) && !compared_;
+    if (!asks) settings_.split = static_cast<Split>(split);
+    if (settings_.split != Split::None) {
+        checkbox("in one picture", "Divided by a line that can be dragged; else side by side.",
+                 settings_.divided);
+        if (settings_.split == Split::Avatars) beside("another...");
+    }
+    if (asks || (settings_.split == Split::Avatars &&
+                 button("another...", "Chooses the avatar that this one is compared with.")))
+        attempt([&] { chooseCompared(); });
     checkbox("wireframe", "The edges of the mesh's faces (W).", settings_.wireframe);
     beside("atlas in the corner");
     checkbox("atlas in the corner", "The texture itself, as it lies in UV space.", settings_.atlas);

@@ -33,21 +33,36 @@ void Viewer::layOut() {
     int height = window_.height() - static_cast<int>(timelineHeight() * scale);
     panes_.clear();
     if (width < 16 || height < 16) return;
-    Pane whole{0, 0, width, height, settings_.mesh, settings_.texture};
+    Pane whole{0, 0, width, height, 0, width, false, settings_.mesh, settings_.texture};
+    if (settings_.split == Split::Avatars && !compared_) settings_.split = Split::None;
     if (settings_.split == Split::None) {
         panes_ = {whole};
         return;
     }
+    constexpr int kLeast = 16;  // pixels of each part
     Pane left = whole, right = whole;
-    left.width = width / 2;
+    left.width =
+        settings_.divided
+            ? std::clamp(
+                  static_cast<int>(std::lround(static_cast<double>(settings_.divider) * width)),
+                  kLeast, std::max(kLeast, width - kLeast))
+            : width / 2;
     right.x = left.width;
-    right.width = width - left.width;
+    right.width = std::max(1, width - left.width);
+    if (!settings_.divided) {
+        left.viewWidth = left.width;
+        right.viewX = right.x;
+        right.viewWidth = right.width;
+    }
     if (settings_.split == Split::Meshes) {
         left.mesh = MeshKind::Body;
         right.mesh = MeshKind::Refined;
-    } else {
+    } else if (settings_.split == Split::Textures) {
         left.texture = TextureKind::Coarse;
         right.texture = bestTexture();
+    } else {
+        right.other = true;
+        right.mesh = compared_->mesh(whole.mesh);
     }
     panes_ = {left, right};
 }
@@ -56,20 +71,28 @@ ViewTransform Viewer::view() const {
     return settings_.captureCamera ? ViewTransform{} : orbit_.view();
 }
 
+// Of a part of a view: the view's, without the pixels beside the part.
 Camera Viewer::cameraOf(const Pane& pane) const {
+    Camera camera = viewCameraOf(pane);
+    camera.cx -= pane.x - pane.viewX;
+    camera.width = pane.width;
+    return camera;
+}
+
+Camera Viewer::viewCameraOf(const Pane& pane) const {
     if (!settings_.captureCamera || !motion() || motion()->cameras.empty())
-        return orbit_.camera(pane.width, pane.height);
+        return orbit_.camera(pane.viewWidth, pane.height);
     auto i = static_cast<size_t>(
         std::clamp<int64_t>(static_cast<int64_t>(timeline_), 0, frameCount() - 1));
     // The whole frame, as large as the pane allows.
     const Camera& own = motion()->cameras[i];
-    double scale = std::min(static_cast<double>(pane.width) / own.width,
+    double scale = std::min(static_cast<double>(pane.viewWidth) / own.width,
                             static_cast<double>(pane.height) / own.height);
     return {own.fx * scale,
             own.fy * scale,
-            own.cx * scale + (pane.width - own.width * scale) / 2,
+            own.cx * scale + (pane.viewWidth - own.width * scale) / 2,
             own.cy * scale + (pane.height - own.height * scale) / 2,
-            pane.width,
+            pane.viewWidth,
             pane.height};
 }
 
@@ -85,13 +108,15 @@ PosedSkeleton Viewer::posed() const { return forwardKinematics(skeleton(), edito
 
 glm::dvec3 Viewer::jointOnScreen(size_t joint) const {
     if (panes_.empty()) return {};
-    const Pane& pane = panes_.back();
+    const Pane& pane = panes_.back().other ? panes_.front() : panes_.back();
     glm::dvec3 at = projected(posed().position[joint], view(), cameraOf(pane));
     double scale = window_.scale();
     return {(at.x + pane.x) / scale, (at.y + pane.y) / scale, at.z};
 }
 
-std::span<const uint32_t> Viewer::backgroundOf(const Pane& pane) {
+// Of the view that the pane is a part of.
+std::span<const uint32_t> Viewer::backgroundOf(Pane pane) {
+    pane.width = pane.viewWidth;
     bool frames = settings_.backdrop == Backdrop::Capture && capture() && settings_.captureCamera;
     bool picture = settings_.backdrop == Backdrop::Picture && !backdropPicture_.empty();
     std::array<uint8_t, 3> colour{};
@@ -149,7 +174,17 @@ std::span<const uint32_t> Viewer::backgroundOf(const Pane& pane) {
 
 // The background with the floor and ghosts. The scene has the pose that is shown.
 std::span<const uint32_t> Viewer::behind(const Pane& pane) {
-    const std::span<const uint32_t> background = backgroundOf(pane);
+    std::span<const uint32_t> background = backgroundOf(pane);
+    if (pane.width != pane.viewWidth) {
+        std::vector<uint32_t>& part = backgroundParts_[pane.x];
+        part.clear();
+        for (int y = 0; y < pane.height; ++y)
+            std::ranges::copy(
+                background.subspan(static_cast<size_t>(y * pane.viewWidth + pane.x - pane.viewX),
+                                   static_cast<size_t>(pane.width)),
+                std::back_inserter(part));
+        background = part;
+    }
     Behind now{editor_->pose(), editor_->betas(), pane, cameraOf(pane),
                view(),          backgroundKey_,   {},   ghosts()};
     if (settings_.floor) now.floor = worldToFloor();
@@ -179,9 +214,16 @@ ShadeOptions Viewer::shadeOptions(const Pane& pane) const {
 
 Viewer::Shown Viewer::wanted() const {
     ViewTransform from = view();
-    return {editor_->pose(), editor_->betas(), settings_,
-            from.rotation,   from.translation, cameraOf(panes_[0]),
-            panes_,          textureVersion_,  backdropVersion_};
+    return {editor_->pose(),  editor_->betas(),    settings_, from.rotation,
+            from.translation, cameraOf(panes_[0]), panes_,    textureVersion_,
+            backdropVersion_, comparedVersion_};
+}
+
+void Viewer::setPoses(const Shown& now) {
+    const Theta theta = thetaOf(now.pose);
+    const Trans trans = transOf(now.pose);
+    scene_->setPose(theta, trans, now.betas);
+    if (compared_) compared_->setPose(theta, trans, now.betas, avatar_->avatar);
 }
 
 // Whether the picture becomes finer: the mouse rests, and there is something to be gained.
@@ -202,13 +244,13 @@ void Viewer::updatePictures() {
     if (shown_ && *shown_ == now) {
         if (!refines()) return;
         // A film that was given up may have left another.
-        scene_->setPose(thetaOf(now.pose), transOf(now.pose), now.betas);
+        setPoses(now);
         for (size_t i = 0; i < panes_.size(); ++i) {
             const Pane& pane = panes_[i];
-            useTexture(pane.texture);
-            pixels_[i] =
-                scene_->refine(pane.mesh, cameraOf(pane), view(), shadeOptions(pane), behind(pane),
-                               static_cast<int>(i), refinements_, std::move(pixels_[i]));
+            if (!pane.other) useTexture(pane.texture);
+            pixels_[i] = sceneOf(pane).refine(pane.mesh, cameraOf(pane), view(), shadeOptions(pane),
+                                              behind(pane), static_cast<int>(i), refinements_,
+                                              std::move(pixels_[i]));
         }
         ++refinements_;
         framesToDraw_ = std::max(framesToDraw_, 1);
@@ -216,16 +258,16 @@ void Viewer::updatePictures() {
     }
 
     auto before = Clock::now();
-    scene_->setPose(thetaOf(now.pose), transOf(now.pose), now.betas);
+    setPoses(now);
     pixels_.resize(panes_.size());
-    for (size_t i = 0; i < panes_.size(); ++i) scene_->prepare(panes_[i].mesh);
+    for (const Pane& pane : panes_) sceneOf(pane).prepare(pane.mesh);
     times_.pose = millisecondsSince(before);
     before = Clock::now();
     for (size_t i = 0; i < panes_.size(); ++i) {
         const Pane& pane = panes_[i];
-        useTexture(pane.texture);
-        pixels_[i] = scene_->draw(pane.mesh, cameraOf(pane), view(), shadeOptions(pane),
-                                  behind(pane), 1, std::move(pixels_[i]));
+        if (!pane.other) useTexture(pane.texture);
+        pixels_[i] = sceneOf(pane).draw(pane.mesh, cameraOf(pane), view(), shadeOptions(pane),
+                                        behind(pane), 1, std::move(pixels_[i]));
     }
     times_.draw = millisecondsSince(before);
     shown_ = std::move(now);
@@ -256,7 +298,7 @@ void Viewer::updateTextures() {
     if (film_ || panes_.empty() || painter_->busy() || !shown_) return;
     if (interacting() && paintSeconds_ > kFastPainter) return;
     for (const Pane& pane : panes_) {
-        if (!paintsViews(pane.texture) || settings_.paint != kPaintTexture) continue;
+        if (pane.other || !paintsViews(pane.texture) || settings_.paint != kPaintTexture) continue;
         auto painted = painted_.find(pane.texture);
         if (painted != painted_.end() && painted->second == viewVersion_) continue;
         painter_->ask(pane.texture, scene_->vertices(pane.mesh, view()), viewVersion_);

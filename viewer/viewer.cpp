@@ -50,6 +50,7 @@ Viewer::Viewer(const ViewerOptions& options)
     editor_ = std::make_unique<PoseEditor>(poseOf(rest.theta, rest.trans), avatar_->avatar.betas);
     if (!options.motion.empty()) loadMotion(options.motion, options.frames);
     if (!options.pose.empty()) pastePose(options.pose);
+    if (!options.beside.empty()) compareWith(options.beside);
     editor_->markSaved();  // all of it comes from files
     layOut();
     frameAll();
@@ -189,6 +190,7 @@ bool Viewer::frame() {
     if (dialog_.isOpen()) wait = std::min(wait, 0.05);
     drawable_ = window_.begin(wait);
     reloadIfChanged();
+    followCompared();
     if (const auto path = dialog_.chosen()) attempt([&] { dialogThen_(*path); });
     advanceTimeline();
     if (working()) attempt([&] { advanceJobs(); });

@@ -18,6 +18,7 @@
 #include "trainer/data/frame_cache.h"
 #include "trainer/motion/motion.h"
 #include "trainer/motion/retarget/retarget.h"
+#include "viewer/compare/compared.h"
 #include "viewer/inspect/inspected.h"
 #include "viewer/inspect/sightings.h"
 #include "viewer/job.h"
@@ -42,6 +43,7 @@ struct ViewerOptions {
     DeviceOptions device;  // that computes the pictures
     std::filesystem::path avatar;
     std::filesystem::path motion;    // a capture, poses.npz or .bvh; may be empty
+    std::filesystem::path beside;    // an avatar to compare with; may be empty
     std::filesystem::path pose;      // a pose's JSON to begin with; may be empty
     std::string frames;              // of the motion: selectFrames; empty: all
     RetargetSettings retarget;       // of all motions that are opened
@@ -53,8 +55,9 @@ struct ViewerOptions {
     std::string camera;  // as cameraText(); empty: all of the body is seen from the front
 };
 
-// What is compared side by side: to the left what is named first.
-enum class Split { None, Meshes, Textures };  // body and refined; coarse and refined
+// What is compared side by side, to the left what is named first: body and refined, coarse and
+// refined, this avatar and another.
+enum class Split { None, Meshes, Textures, Avatars };
 
 enum class Backdrop { Colour, Picture, Capture };
 
@@ -71,6 +74,8 @@ struct ViewSettings {
     bool lit = false;
     double lightYaw = -0.6, lightPitch = 0.6, ambient = 0.35;  // radians, as seen from the camera
     Split split = Split::None;
+    bool divided = false;  // what is compared is one picture with a line, where the divider is
+    float divider = .5f;   // part of the picture's width
     Backdrop backdrop = Backdrop::Colour;
     std::array<float, 3> colour{0.20f, 0.22f, 0.25f};
     bool captureCamera = false;
@@ -91,6 +96,7 @@ struct ExportJob;  // job.h
 class Viewer {
 public:
     // On a plain monitor, where one unit is one pixel; the rest shows the avatar.
+    static constexpr double kDividerPick = 6;  // units to each side
     static constexpr int kPanelWidth = 360, kTimelineHeight = 74;
 
     // InputError for what the options name and is not there or not right; MachineError where no
@@ -173,6 +179,9 @@ public:
     // Another person in the same pose, motion and view. InputError, with nothing changed, where
     // there is no avatar.
     void openAvatar(const std::filesystem::path& folder);
+    // Shows another person, or another training's state, beside this one: in the same pose, from
+    // the same place. InputError likewise.
+    void compareWith(const std::filesystem::path& folder);
     void loadPicture(const std::filesystem::path& path);
     void startFilm(const std::filesystem::path& out, const FilmSettings& settings = {});
     void startExport(const std::filesystem::path& out);
@@ -182,7 +191,7 @@ public:
     bool working() const { return film_ != nullptr || export_ != nullptr; }
 
 private:
-    enum class Drag { None, Orbit, Pan, Dolly, Joint, Ring };
+    enum class Drag { None, Orbit, Pan, Dolly, Joint, Ring, Divider };
     using Clock = std::chrono::steady_clock;
 
     // What pictures show.
@@ -194,7 +203,7 @@ private:
         glm::dvec3 translation{};
         Camera camera{};
         std::vector<Pane> panes;
-        uint64_t textures = 0, backdrop = 0;
+        uint64_t textures = 0, backdrop = 0, compared = 0;
         bool operator==(const Shown&) const = default;
     };
 
@@ -302,7 +311,7 @@ private:
     void layOut();
     ViewTransform view() const;
     Camera cameraOf(const Pane& pane) const;
-    std::span<const uint32_t> backgroundOf(const Pane& pane);
+    std::span<const uint32_t> backgroundOf(Pane pane);
     std::span<const uint32_t> behind(const Pane& pane);
     ShadeOptions shadeOptions(const Pane& pane) const;
     Shown wanted() const;
@@ -325,6 +334,16 @@ private:
     void pasteCamera();
     void lookFrom(double yaw, double pitch);
     const Pane* paneAt(double x, double y) const;
+    Scene& sceneOf(const Pane& pane);
+    Camera viewCameraOf(const Pane& pane) const;
+    void setPoses(const Shown& now);
+    void chooseCompared();
+    void nextSplit();
+    std::pair<std::string, std::string> splitNames() const;  // of what is left and right
+    void followCompared();
+    std::optional<double> dividerAt() const;
+    bool onDivider(double x) const;
+    void dragDivider();
     glm::dvec3 onScreen(const glm::dvec3& world, const Pane& pane) const;
     void leaveCaptureCamera();
     void dollyToMouse(double factor);
@@ -400,6 +419,8 @@ private:
     Window window_;
     Device device_;
     std::unique_ptr<Scene> scene_;
+    std::unique_ptr<Compared> compared_;  // null: nobody
+    uint64_t comparedVersion_ = 0;
     std::unique_ptr<Painter> painter_;
     std::unique_ptr<PoseEditor> editor_;
     mutable Skeleton skeleton_{};
@@ -430,6 +451,7 @@ private:
     Image backdropPicture_;
     uint64_t backdropVersion_ = 1;
     std::vector<uint32_t> background_;
+    std::map<int, std::vector<uint32_t>> backgroundParts_;  // by the pane's x
     std::array<int64_t, 5> backgroundKey_{-1, -1, -1, -1, -1};
     // The floor: from the poses' world, y up. Nothing where the motion's feet stand nowhere.
     struct FloorOf {

@@ -15,6 +15,7 @@
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"
 #include "trainer/ranks/launched.h"
+#include "trainer/stages/telling_frames.h"
 #include "trainer/stages/train.h"
 
 namespace doppel {
@@ -70,6 +71,15 @@ void runTrain(const TrainOptions& options) {
     Capture capture = readCapture(options.capture);
     capture = capture.subset(selectFrames(options.frames, capture.size()));
     capture.requireMasks();
+    if (options.mostFrames > 0 && capture.size() > options.mostFrames) {
+        fmt::print(stderr,
+                   "{}: of {} frames the {} that tell most are learnt from; --most-frames 0 takes "
+                   "all\n",
+                   options.capture.string(), capture.size(), options.mostFrames);
+        FrameCache cache(capture, size_t{64} << 20);
+        capture = capture.subset(tellingFrames(capture, cache, options.mostFrames));
+        capture.source["chosen"] = "for their poses";  // so that they are no video
+    }
 
     std::optional<RunRecord> unfinished;
     if (!options.restart && options.profileSteps == 0) unfinished = readRunRecord(options.out);
@@ -198,6 +208,11 @@ void declareFlags(CommandFlags& flags, TrainOptions& o) {
     flags->add_flag("!--no-face", o.face, "Refine without the face discriminator");
     flags->add_flag("!--no-clamp", o.clamp, "Let the mesh network move vertices freely");
     flags.frames(o.frames, "Frames to learn from");
+    flags
+        ->add_option("--most-frames", o.mostFrames,
+                     "Of more frames than that, learn from those that tell most, by pose, side and "
+                     "sharpness; 0: from all")
+        ->capture_default_str();
     flags.body(o.body);
     flags.preset("small");
     CLI::Option* resume = flags->add_flag(
@@ -249,7 +264,7 @@ void checkStages(TrainOptions& options) {
 const Command<TrainOptions> kTrain{{
     .name = "train",
     .place = 40,
-    .summary = "Learn an avatar's mesh and texture from a capture",
+    .summary = "Learn an avatar's mesh and texture from a capture; with mpirun on many devices",
     .example = "doppel train fitted --out avatar --preset small --stages mesh,texture",
     .flags = declareFlags,
     .check = checkStages,

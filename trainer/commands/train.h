@@ -15,6 +15,7 @@ struct TrainOptions {
     CommonOptions common;
     std::filesystem::path capture, out;
     std::string body, frames;
+    size_t mostFrames = 1000;         // of those, the ones that tell most; 0: all
     std::vector<std::string> stages;  // of "fit", "mesh", "texture", "refine", in this order
     Preset preset;
     // Ablations; runTrain applies them to the preset. refine: false takes "refine" out of stages.
@@ -23,7 +24,7 @@ struct TrainOptions {
     bool restart = false;  // leave an unfinished run in the avatar's folder, and start over
     double checkpointSeconds = 180;  // 0: only at Ctrl-C
     double pictureSeconds = 60;      // a picture of the state this often; 0: none
-    uint64_t memoryBudget = 0;  // bytes of device memory for a stage; 0: what the device has
+    uint64_t memoryBudget = 0;       // bytes of device memory for a stage; 0: what the device has
     int profileSteps = 0;  // > 0: time so many steps of each stage per op, and keep nothing
     bool view = false;     // open a viewer that shows the run's present state
 };

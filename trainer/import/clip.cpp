@@ -11,6 +11,7 @@
 #include "engine/io/video.h"
 #include "trainer/data/frame_selection.h"
 #include "trainer/data/progress.h"
+#include "trainer/data/sharpness.h"
 
 namespace doppel {
 namespace fs = std::filesystem;
@@ -39,23 +40,6 @@ Image grey(const Image& picture) {
     }
     const int rows = std::min(kSurveyRows, picture.height);
     return resize(result, std::max(1, picture.width * rows / picture.height), rows);
-}
-
-// The mean square of the Laplacian, over the variance so that light does not matter.
-double sharpnessOf(const Image& image) {
-    double edges = 0, sum = 0, squares = 0;
-    for (int y = 1; y + 1 < image.height; ++y) {
-        const uint8_t *row = image.row(y), *above = image.row(y - 1), *below = image.row(y + 1);
-        for (int x = 1; x + 1 < image.width; ++x) {
-            const int l = 4 * row[x] - row[x - 1] - row[x + 1] - above[x] - below[x];
-            edges += l * l;
-            sum += row[x];
-            squares += row[x] * row[x];
-        }
-    }
-    const double count = std::max(1., double(image.width - 2) * (image.height - 2));
-    const double variance = squares / count - (sum / count) * (sum / count);
-    return edges / count / (variance + 1);
 }
 
 // The mean change of the block that changed most.
@@ -190,7 +174,9 @@ std::vector<ClipFrame> surveyClip(const fs::path& source, const ClipOptions& opt
             Image small = grey(picture);
             Image tiny = resize(picture, kCutRows * picture.width / picture.height + 1, kCutRows);
             looked.push_back(frames.size());
-            sharpness.push_back(sharpnessOf(small));
+            sharpness.push_back(doppel::sharpness(
+                small.width, small.height, [&](int x, int y) { return double(small.row(y)[x]); },
+                [](int, int) { return true; }));
             changes.push_back(before.empty() ? 0 : meanChange(tiny, before));
             if (frame.fate == Fate::Kept && !options.keepSimilar) {
                 if (!lastKept.empty() && blockChange(small, lastKept) < kDuplicateChange) {

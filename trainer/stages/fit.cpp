@@ -78,6 +78,7 @@ double mean(const std::vector<double>& values) {
 }  // namespace
 
 bool isVideo(const Capture& capture) {
+    if (capture.source.contains("chosen")) return false;
     std::vector<double> turns;
     for (size_t i = 1; i < capture.size(); ++i) {
         double sum = 0;

@@ -21,7 +21,8 @@ struct FitSettings {
 };
 
 // Whether frames follow each other closely enough to tell about each other: views from all sides do
-// not. Rotations have been unwrapped.
+// not, nor do frames that were chosen for being unlike each other (capture.source says "chosen").
+// Rotations have been unwrapped.
 bool isVideo(const Capture& capture);
 
 // Replaces capture.betas, theta and trans. Every frame needs a mask (InputError otherwise). Where

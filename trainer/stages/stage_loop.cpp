@@ -34,13 +34,15 @@ private:
 };
 
 // Memory before the first step, on stdout.
-void printPlan(const std::string& stage, const Graph& graph, const Parameters& parameters) {
+void printPlan(const std::string& stage, int64_t steps, const Graph& graph,
+               const Parameters& parameters) {
     auto mib = [](uint64_t bytes) { return static_cast<double>(bytes) / (1 << 20); };
     fmt::print(
-        "stage {}: {} dispatches; parameters with gradients and moments {:.1f} MiB, "
+        "stage {}: {} steps; {} dispatches; parameters with gradients and moments {:.1f} MiB, "
         "activations {:.1f} MiB planned ({:.1f} MiB without reuse)\n",
-        stage, graph.dispatchCount(), mib(parameters.elements() * 4 * Parameters::kSectionCount),
-        mib(graph.temporaryBytes()), mib(graph.unsharedBytes()));
+        stage, steps, graph.dispatchCount(),
+        mib(parameters.elements() * 4 * Parameters::kSectionCount), mib(graph.temporaryBytes()),
+        mib(graph.unsharedBytes()));
 }
 
 // Time per op of the last step, on stdout.
@@ -152,7 +154,7 @@ bool StageLoop::run(const LoopSettings& settings) {
     for (int64_t i = 0; i < first; ++i) draw();
 
     CHECK(!profiles || graph != nullptr, "a stage that profiles follows a graph");
-    if (profiles) printPlan(stage, *graph, *trained.at(0).second);
+    if (profiles) printPlan(stage, steps, *graph, *trained.at(0).second);
     Progress progress(stage, profiles ? settings.profileSteps : steps);
     if (settings.ranks && !sharing)
         progress.note(fmt::format(
@@ -163,6 +165,7 @@ bool StageLoop::run(const LoopSettings& settings) {
         progress.note(fmt::format("{}: going on after step {} of {}", stage, first, steps));
     std::optional<LossLog> log;
     if (settings.keeps()) log.emplace(settings.out / "log", stage, columns, first);
+    const uint64_t sentBefore = sharing ? sharing->bytesSent() : 0;
     PictureClock pictures(settings.keeps() ? settings.pictureSeconds : 0);
     std::array<std::vector<size_t>, 2> drawn;  // by the even and the odd steps under way
     // Reported: all steps before this one. One more at most is under way.
@@ -207,6 +210,11 @@ bool StageLoop::run(const LoopSettings& settings) {
         }
         if (saves) checkpoint.save(i + 1);
     }
+    if (sharing && steps > first)
+        progress.note(fmt::format("{}: process 0 of {} sent {:.1f} KiB to the others in each step",
+                                  stage, sharing->size(),
+                                  static_cast<double>(sharing->bytesSent() - sentBefore) / 1024 /
+                                      static_cast<double>(steps - first)));
     return !profiles;
 }
 

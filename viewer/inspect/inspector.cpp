@@ -38,7 +38,7 @@ void Viewer::toggleInspector() {
 
 void Viewer::inspectAt(double x, double y) {
     const Pane* pane = paneAt(x, y);
-    if (!pane) return;
+    if (!pane || pane->other) return;
     const Camera camera = cameraOf(*pane);
     const double scale = window_.scale();
     const glm::dvec3 ray((x * scale - pane->x - camera.cx) / camera.fx,

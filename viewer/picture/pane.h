@@ -9,6 +9,10 @@ namespace doppel {
 // Framebuffer pixels.
 struct Pane {
     int x = 0, y = 0, width = 0, height = 0;
+    // Of the view that it is a part of, from left to right: all of it, but where a line divides
+    // one.
+    int viewX = 0, viewWidth = 0;
+    bool other = false;  // it shows the avatar that is compared with
     MeshKind mesh = MeshKind::Refined;
     TextureKind texture = TextureKind::Coarse;
     bool operator==(const Pane&) const = default;

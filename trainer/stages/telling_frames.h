@@ -1,0 +1,18 @@
+// The frames of a long recording that tell most of the person.
+#pragma once
+
+#include <vector>
+
+#include "trainer/data/capture.h"
+#include "trainer/data/frame_cache.h"
+
+namespace doppel {
+
+// So many frames at most, ascending: all where the capture has no more. Each is the one whose pose
+// and heading are farthest from those taken before (farthest-point sampling; Gonzalez, Clustering
+// to Minimize the Maximum Intercluster Distance, 1985), or one just before or behind it that shows
+// as much and is sharper. Poses are looked at for all frames, pixels for three of each that is
+// taken.
+std::vector<size_t> tellingFrames(const Capture& capture, FrameCache& cache, size_t most);
+
+}  // namespace doppel

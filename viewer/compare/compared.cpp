@@ -1,0 +1,41 @@
+#include "viewer/compare/compared.h"
+
+namespace doppel {
+
+Compared::Compared(Device& device, const std::filesystem::path& folder)
+    : device_(device), source_(folder) {
+    use(source_.load());
+}
+
+void Compared::use(std::shared_ptr<LoadedAvatar> avatar) {
+    scene_.reset();  // which looks at the one before
+    avatar_ = std::move(avatar);
+    const Avatar& now = avatar_->avatar;
+    scene_ = std::make_unique<Scene>(device_, now);
+    scene_->setTexture(now.bakedTexture.empty() ? now.texture : now.bakedTexture);
+}
+
+bool Compared::reload() {
+    std::shared_ptr<LoadedAvatar> now = source_.changed();
+    if (!now) return false;
+    use(std::move(now));
+    return true;
+}
+
+void Compared::setPose(const Theta& theta, const Trans& trans, const Betas& betas,
+                       const Avatar& edited) {
+    Betas own = avatar_->avatar.betas;
+    for (size_t k = 0; k < own.size(); ++k) own[k] += betas[k] - edited.betas[k];
+    scene_->setPose(theta, trans, own);
+}
+
+MeshKind Compared::mesh(MeshKind wanted) const {
+    return scene_->hasRefinedMesh() ? wanted : MeshKind::Body;
+}
+
+std::string Compared::name() const {
+    const auto folder = std::filesystem::absolute(source_.folder()).lexically_normal();
+    return (folder.has_filename() ? folder : folder.parent_path()).filename().string();
+}
+
+}  // namespace doppel

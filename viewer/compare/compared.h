@@ -1,0 +1,38 @@
+// Another avatar, to be seen beside the one that is edited: in the same pose, from the same place.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "viewer/live_avatar.h"
+#include "viewer/picture/scene.h"
+
+namespace doppel {
+
+// It follows a training as the viewer's own does, and is shown with the texture that is the best
+// for all views.
+class Compared {
+public:
+    // InputError where there is no avatar. The device outlives it.
+    Compared(Device& device, const std::filesystem::path& folder);
+
+    // Whether what is on disk has changed, and is shown from now on.
+    bool reload();
+    // betas: of `edited`, as they are set; what was changed of them changes here as well.
+    void setPose(const Theta& theta, const Trans& trans, const Betas& betas, const Avatar& edited);
+
+    Scene& scene() { return *scene_; }
+    // The mesh network's where it has one and that is wanted.
+    MeshKind mesh(MeshKind wanted) const;
+    std::string name() const;
+
+private:
+    void use(std::shared_ptr<LoadedAvatar> avatar);
+
+    Device& device_;
+    LiveAvatar source_;
+    std::shared_ptr<LoadedAvatar> avatar_;
+    std::unique_ptr<Scene> scene_;
+};
+
+}  // namespace doppel
