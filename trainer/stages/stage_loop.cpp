@@ -34,15 +34,16 @@ private:
 };
 
 // Memory before the first step, on stdout.
-void printPlan(const std::string& stage, int64_t steps, const Graph& graph,
-               const Parameters& parameters) {
+void printPlan(const StageLoop& loop) {
     auto mib = [](uint64_t bytes) { return static_cast<double>(bytes) / (1 << 20); };
+    uint64_t elements = 0;
+    for (const auto& [name, parameters] : loop.trained) elements += parameters->elements();
     fmt::print(
         "stage {}: {} steps; {} dispatches; parameters with gradients and moments {:.1f} MiB, "
         "activations {:.1f} MiB planned ({:.1f} MiB without reuse)\n",
-        stage, steps, graph.dispatchCount(),
-        mib(parameters.elements() * 4 * Parameters::kSectionCount), mib(graph.temporaryBytes()),
-        mib(graph.unsharedBytes()));
+        loop.stage, loop.steps, loop.graph->dispatchCount(),
+        mib(elements * 4 * Parameters::kSectionCount), mib(loop.graph->temporaryBytes()),
+        mib(loop.graph->unsharedBytes()));
 }
 
 // Time per op of the last step, on stdout.
@@ -154,7 +155,7 @@ bool StageLoop::run(const LoopSettings& settings) {
     for (int64_t i = 0; i < first; ++i) draw();
 
     CHECK(!profiles || graph != nullptr, "a stage that profiles follows a graph");
-    if (profiles) printPlan(stage, steps, *graph, *trained.at(0).second);
+    if (profiles) printPlan(*this);
     Progress progress(stage, profiles ? settings.profileSteps : steps);
     if (settings.ranks && !sharing)
         progress.note(fmt::format(

@@ -33,9 +33,4 @@ MeshKind Compared::mesh(MeshKind wanted) const {
     return scene_->hasRefinedMesh() ? wanted : MeshKind::Body;
 }
 
-std::string Compared::name() const {
-    const auto folder = std::filesystem::absolute(source_.folder()).lexically_normal();
-    return (folder.has_filename() ? folder : folder.parent_path()).filename().string();
-}
-
 }  // namespace doppel

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <memory>
-#include <string>
 
 #include "viewer/live_avatar.h"
 #include "viewer/picture/scene.h"
@@ -24,7 +23,7 @@ public:
     Scene& scene() { return *scene_; }
     // The mesh network's where it has one and that is wanted.
     MeshKind mesh(MeshKind wanted) const;
-    std::string name() const;
+    const std::filesystem::path& folder() const { return source_.folder(); }
 
 private:
     void use(std::shared_ptr<LoadedAvatar> avatar);

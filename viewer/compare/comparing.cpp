@@ -5,13 +5,26 @@
 
 namespace doppel {
 
+namespace {
+
+// The last names of a path, so many of them.
+std::string lastNames(const std::filesystem::path& path, int count) {
+    std::filesystem::path rest = std::filesystem::absolute(path).lexically_normal(), names;
+    if (!rest.has_filename()) rest = rest.parent_path();
+    for (; count > 0 && rest.has_relative_path(); --count, rest = rest.parent_path())
+        names = names.empty() ? rest.filename() : rest.filename() / names;
+    return names.string();
+}
+
+}  // namespace
+
 void Viewer::compareWith(const std::filesystem::path& folder) {
     compared_ = std::make_unique<Compared>(device_, folder);
     ++comparedVersion_;
     settings_.split = Split::Avatars;
     settings_.divided = true;  // what differs lies in the same place
     opened(folder);
-    say("compared with " + compared_->name());
+    say("compared with " + splitNames().second);
 }
 
 void Viewer::chooseCompared() {
@@ -47,11 +60,13 @@ std::pair<std::string, std::string> Viewer::splitNames() const {
             return {"body", "refined mesh"};
         case Split::Textures:
             return {"coarse texture", "refined texture"};
-        case Split::Avatars: {
-            const auto folder = std::filesystem::absolute(source_.folder()).lexically_normal();
-            return {(folder.has_filename() ? folder : folder.parent_path()).filename().string(),
-                    compared_->name()};
-        }
+        case Split::Avatars:  // `doppel avatar` calls all avatars "avatar"
+            for (int count = 1; count < 3; ++count) {
+                const std::string left = lastNames(source_.folder(), count),
+                                  right = lastNames(compared_->folder(), count);
+                if (left != right || count == 2) return {left, right};
+            }
+            break;
     }
     return {};
 }
