@@ -589,11 +589,23 @@ void Graph::submit() {
     Segments& segments = segments_[slot_];
     wait(segments);  // this slot's replay before last still reads its staging memory
     stageInputs(slot_);
+    // Whatever has left the device by the time that something is needed follows while the device
+    // works on what needed it: an order that does not depend on how fast a rank is.
+    std::vector<bool> done(exchanges_.size());
+    size_t left = 0;
+    auto take = [&](auto&& isDue) {
+        for (size_t k = 0; k < exchanges_.size(); ++k) {
+            if (done[k] || !isDue(exchanges_[k])) continue;
+            complete(exchanges_[k], segments);
+            done[k] = true;
+            left = std::max(left, exchanges_[k].ready);
+        }
+    };
     for (Segment& segment : segments) {
-        for (Exchange& exchange : exchanges_)
-            if (exchange.needed == segment.begin && &segment != &segments.front())
-                complete(exchange, segments);
+        const bool first = &segment == &segments.front();
+        take([&](const Exchange& one) { return !first && one.needed == segment.begin; });
         segment.recorder->submit();
+        take([&](const Exchange& one) { return one.ready <= left; });
     }
     slot_ ^= 1;
     ++replays_;
