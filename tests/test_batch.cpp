@@ -103,6 +103,37 @@ TEST_F(Batch, WhoFailsStopsNobodyAndWhatIsDoneStays) {
     EXPECT_EQ(nlohmann::json::parse(batch({"--json"}).out)["new"], 0);
 }
 
+TEST_F(Batch, ATableOfPeopleIsAManifest) {
+    auto planned = [&](const std::string& table) {
+        write(*this / "people.csv", table);
+        return doppel({"batch", at("people.csv"), "--out", at("people"), "--dry-run"});
+    };
+    const Outcome two = planned(
+        "\xef\xbb\xbfname,input,export,flags\r\nanna,capture,glb,--preset small  --every 3\r\n\r\n"
+        "bob,\"capture\",,\r\n");
+    EXPECT_EQ(two.status, 0) << two.err;
+    EXPECT_THAT(two.out, AllOf(HasSubstr("anna avatar: "), HasSubstr("--preset small --every 3"),
+                               HasSubstr("anna export: "), HasSubstr("bob avatar: ")));
+    EXPECT_EQ(two.out.find("bob export"), std::string::npos);
+    auto refusesTable = [&](const std::string& table, const std::string& sentence) {
+        const Outcome run = planned(table);
+        EXPECT_EQ(run.status, 2) << table;
+        EXPECT_THAT(run.err, HasSubstr(sentence));
+    };
+    refusesTable("", "expected a line for each person");
+    refusesTable("name,input\n", "expected a line for each person");
+    refusesTable("name,colour\na,b\n",
+                 "line 1: expected a head of export, flags, input, motion, name");
+    refusesTable("name,name\n", "each once, found name");
+    refusesTable("name,input\nanna\n", "line 2: expected 2 cells, as the head has, found 1");
+    refusesTable("name,input\n\nanna,\"capture\n", "line 3: a quotation has no end");
+    refusesTable("name,input\nanna,capture\nanna,capture\n",
+                 "line 3: name: expected another than line 2's");
+    refusesTable("name,input\nan\"na\",no\\where\x01\n", "line 2: name: expected up to 64");
+    refusesTable("name,input\n,capture\n", "line 2: name: expected up to 64");
+    refusesTable("name,input\nanna,\n", "input: expected a clip or folder");
+}
+
 // However it ends, jobs end with it, and the next run goes on; the avatar is the one of a run that
 // nobody stopped.
 TEST_F(Batch, StoppedAndKilledRunsGoOn) {

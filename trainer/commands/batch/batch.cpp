@@ -156,7 +156,8 @@ void runBatch(const BatchOptions& options) {
 }
 
 void declareFlags(CommandFlags& flags, BatchOptions& o) {
-    flags.path("MANIFEST", o.manifest, "TOML file of people, as below")->required();
+    flags.path("MANIFEST", o.manifest, "TOML file of people, as below, or a table of them, .csv")
+        ->required();
     flags.path("--out", o.out, "Folder for all of them, with summary.csv and index.html")
         ->required();
     flags

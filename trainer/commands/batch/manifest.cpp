@@ -6,10 +6,13 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 #include <set>
+#include <sstream>
 
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
+#include "engine/files/ending.h"
 #include "engine/files/printable.h"
 
 namespace doppel::batch {
@@ -102,15 +105,91 @@ fs::path placeAt(const toml::table& table, std::string_view key, const fs::path&
     return place;
 }
 
+const std::set<std::string_view> kKeys{"name", "input", "flags", "motion", "export"};
+
+// The cells of a line (RFC 4180), which ends in no quotation; nothing where it is wrong.
+std::optional<std::vector<std::string>> cellsOf(std::string_view line) {
+    std::vector<std::string> cells(1);
+    bool quoted = false;
+    for (size_t i = 0; i < line.size(); ++i) {
+        const char c = line[i];
+        if (quoted && c == '"' && i + 1 < line.size() && line[i + 1] == '"')
+            cells.back() += line[++i];
+        else if (c == '"' && (quoted || cells.back().empty()))
+            quoted = !quoted;
+        else if (c == ',' && !quoted)
+            cells.emplace_back();
+        else
+            cells.back() += c;
+    }
+    if (quoted) return std::nullopt;
+    return cells;
+}
+
+std::string tomlText(std::string_view text) {
+    std::string quoted = "\"";
+    for (char c : text) {
+        if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f)
+            quoted += fmt::format("\\u{:04X}", static_cast<unsigned char>(c));
+        else
+            quoted += (c == '"' || c == '\\') ? std::string{'\\', c} : std::string(1, c);
+    }
+    return quoted + "\"";
+}
+
+// A table of people as TOML, each on the line that it has, for one reader tells what is wrong.
+std::string tomlOfCsv(std::string_view text, const std::string& file) {
+    if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);  // as spreadsheets begin
+    std::string toml;
+    std::vector<std::string> keys;
+    for (int number = 1; !text.empty(); ++number) {
+        const size_t end = std::min(text.find('\n'), text.size());
+        std::string_view line = text.substr(0, end);
+        text.remove_prefix(std::min(end + 1, text.size()));
+        if (line.ends_with('\r')) line.remove_suffix(1);
+        const auto cells = cellsOf(line);
+        if (!cells) throwInput("{}: line {}: a quotation has no end", file, number);
+        if (keys.empty()) {
+            keys = *cells;
+            for (const std::string& key : keys)
+                if (!kKeys.contains(key) || std::ranges::count(keys, key) > 1)
+                    throwInput("{}: line {}: expected a head of {}, each once, found {}", file,
+                               number, fmt::join(kKeys, ", "), printable(key));
+            toml += "person = [";
+        } else if (!line.empty()) {
+            if (cells->size() != keys.size())
+                throwInput("{}: line {}: expected {} cells, as the head has, found {}", file,
+                           number, keys.size(), cells->size());
+            std::vector<std::string> pairs;
+            for (size_t k = 0; k < keys.size(); ++k) {
+                const std::string& cell = (*cells)[k];
+                if (cell.empty()) continue;
+                std::string value = tomlText(cell);
+                if (keys[k] == "flags") {
+                    std::vector<std::string> words;
+                    std::istringstream all(cell);
+                    for (std::string word; all >> word;) words.push_back(tomlText(word));
+                    value = fmt::format("[{}]", fmt::join(words, ", "));
+                }
+                pairs.push_back(keys[k] + " = " + value);
+            }
+            toml += fmt::format("{{ {} }},", fmt::join(pairs, ", "));
+        }
+        toml += '\n';
+    }
+    return keys.empty() ? "" : toml + "]\n";
+}
+
 }  // namespace
 
 std::vector<Person> readManifest(const fs::path& path) {
     const std::vector<uint8_t> bytes = readWholeFile(path, kMostBytes);
+    std::string text(bytes.begin(), bytes.end());
+    const bool isCsv = endingOf(path) == ".csv";
+    if (isCsv) text = tomlOfCsv(text, path.string());
     toml::table table;
     try {
-        table =
-            toml::parse(std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()),
-                        path.string());
+        table = toml::parse(text, path.string());
     } catch (const toml::parse_error& error) {
         throwInput("{}: line {}: not TOML: {}; `doppel batch --help` shows a manifest",
                    path.string(), error.source().begin.line, error.description());
@@ -122,7 +201,8 @@ std::vector<Person> readManifest(const fs::path& path) {
     wrong.raise();
     const toml::array* people = table["person"].as_array();
     if (!people || people->empty())
-        throwInput("{}: expected a table [[person]] for each person, found none", path.string());
+        throwInput("{}: expected a {} for each person, found none", path.string(),
+                   isCsv ? "line" : "table [[person]]");
     std::vector<Person> found;
     std::map<std::string, int>
         lines;  // of names, in small letters: some file systems know no others
@@ -132,7 +212,7 @@ std::vector<Person> readManifest(const fs::path& path) {
             wrong.add(node.source(), "person: expected tables [[person]]");
             continue;
         }
-        refuseOthers(*of, {"name", "input", "flags", "motion", "export"}, wrong);
+        refuseOthers(*of, kKeys, wrong);
         Person person;
         person.line = static_cast<int>(of->source().begin.line);
         person.name = textAt(*of, "name", wrong);

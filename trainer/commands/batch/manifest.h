@@ -9,6 +9,11 @@
 //     motion = "dance.bvh"                 # `doppel render` films her in it, on a turntable
 //     export = "glb"                       # `doppel export`: glb, vrm, usda or obj
 //
+// Or a table, a .csv, whose first line has these names; flags are words with spaces between them:
+//
+//     name,input,flags,motion,export
+//     anna,clips/anna.mp4,--preset small --every 3,dance.bvh,glb
+//
 // Paths are as seen from the manifest's folder.
 #pragma once
 
