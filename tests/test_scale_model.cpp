@@ -40,6 +40,16 @@ TEST_F(ScaleModel, SaysWhatStepsAndLinksMake) {
     EXPECT_THAT(run.out, HasSubstr("| 8 | 8 | 1.7 MiB | 15.2 s |"));
     EXPECT_THAT(run.out, HasSubstr("past 2 devices there is little to gain"));
     EXPECT_THAT(run.out, HasSubstr("| 8 | 12 s | 4.07 min |"));
+    // A stage that goes by epochs: ten frames in all, of four a step.
+    EXPECT_THAT(
+        model({"--from",
+               measured(R"({"preset": "mine", "stages": {"mesh": {"steps": 10, "epochs": true,)"
+                        R"("bytes": 1e6, "each": 0.1, "once": 0.2}}})"),
+               "--batch", "4", "--devices", "1"})
+            .out,
+        HasSubstr("| 1 | 4 | 0.0 MiB | 1.8 s |"));
+    measured(
+        R"({"preset": "mine", "stages": {"mesh": {"steps": 10, "bytes": 1e6, "each": 0.1, "once": 0.2}}})");
     // Devices ten times as fast are ten times as fast alone.
     EXPECT_THAT(model({"--from", file, "--batch", "4", "--devices", "1", "--faster", "10"}).out,
                 HasSubstr("| 1 | 4 | 0.0 MiB | 600 ms |"));
