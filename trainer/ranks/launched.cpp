@@ -11,6 +11,9 @@ namespace doppel {
 
 namespace {
 
+// Variables in which launchers tell.
+constexpr const char* kTellers[] = {"OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_RANK"};
+
 // As Open MPI, MPICH and Slurm tell their processes; 1 where nobody tells.
 int launchedSize() {
     auto number = [](const char* name) {
@@ -39,7 +42,10 @@ LaunchedRanks* launchedRanks() {
                 "this is one of {} processes, and {} cannot be loaded ({}): build with Open MPI "
                 "(libopenmpi-dev), or start one process",
                 size, file, dlerror());
-        return start();
+        LaunchedRanks* started = start();
+        // What this process starts itself is none of them.
+        for (const char* name : kTellers) unsetenv(name);
+        return started;
     }();
     return ranks;
 }
