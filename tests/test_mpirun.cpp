@@ -22,6 +22,9 @@ protected:
         Refusals::SetUp();
         for (const char* name : {"OMPI_ALLOW_RUN_AS_ROOT", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM"})
             setenv(name, "1", 1);  // as build machines run tests
+        // Nor do containers let processes read each other's memory, or have a shell on others.
+        setenv("OMPI_MCA_btl_vader_single_copy_mechanism", "none", 1);
+        setenv("OMPI_MCA_plm_rsh_agent", "", 1);
     }
     static Outcome mpirun(int count, std::vector<std::string> words,
                           const std::function<void(pid_t)>& meanwhile = {}) {
