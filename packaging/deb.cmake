@@ -18,5 +18,6 @@ set(CPACK_DEBIAN_PACKAGE_SECTION graphics)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 # A driver is needed, but which one the machine decides; the viewer takes its letters from a font.
 set(CPACK_DEBIAN_PACKAGE_RECOMMENDS "mesa-vulkan-drivers | vulkan-icd, fonts-dejavu-core")
+set(CPACK_DEBIAN_PACKAGE_SUGGESTS npm)  # by which doppel-fetch fetches
 set(CPACK_PRE_BUILD_SCRIPTS ${CMAKE_SOURCE_DIR}/packaging/as_debian_does.cmake)
 include(CPack)

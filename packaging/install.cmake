@@ -1,6 +1,7 @@
 # What `cmake --install build --prefix PREFIX` copies. The prefix can be moved afterwards.
 
 install(TARGETS doppel doppel-bench RUNTIME)
+install(PROGRAMS scripts/doppel-fetch DESTINATION ${CMAKE_INSTALL_BINDIR})
 # A component of its own: packages of the programs need no MPI.
 if(TARGET doppel-mpi)
     install(TARGETS doppel-mpi LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/doppel COMPONENT mpi)

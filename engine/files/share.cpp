@@ -45,8 +45,8 @@ std::string fetchAdvice(const char* name, const char* variable) {
         return fmt::format("run scripts/setup --{}, which fetches it, or set {} to its folder",
                            name, variable);
     return fmt::format(
-        "scripts/setup --{0} in Doppel's source fetches it into build/{0}: copy that folder to {1} "
-        "or {2}, or set {3} to it",
+        "run doppel-fetch {0}, which fetches it into {1} (for everyone: --into {2}), or set {3} to "
+        "its folder",
         name, (userDataFolder() / name).string(), (shareFolder() / name).string(), variable);
 }
 

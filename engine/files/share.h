@@ -22,8 +22,8 @@ std::filesystem::path modulesFolder();
 // program NAME in the user's data folder or, where only that is there, in shareFolder().
 std::filesystem::path fetchedFolder(const char* name);
 
-// What to do where such a folder lacks something: run scripts/setup --NAME, copy what that fetches
-// to where an installed program looks, or name the folder by an environment variable.
+// What to do where such a folder lacks something: run scripts/setup --NAME or, where the program is
+// installed, doppel-fetch NAME, or name the folder by an environment variable.
 std::string fetchAdvice(const char* name, const char* variable);
 
 // $XDG_DATA_HOME/doppel, else $HOME/.local/share/doppel; empty where neither is set.
