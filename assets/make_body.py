@@ -12,6 +12,8 @@ from io import BytesIO
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 import preview
@@ -26,6 +28,9 @@ SAMPLES = 700
 SHAPES = 10
 SEED = 7
 # Lengths are stored as multiples of these, so that they deflate to half: 0.2 um and 8 um.
+LEFT_EYE = (.03, .455)  # x and y of its middle, m
+EYE_BULGE = .0025  # m, of the eyeball before its lids' rims
+EYE_TEXELS = .3  # of the size on the atlas that the ground of a socket had
 VERTEX_STEP = 2. ** -22
 SHAPE_STEP = 2. ** -17
 
@@ -139,6 +144,72 @@ class Body:
                                  np.isin(self.part, (1, 11, 12, 13, 14)), importance,
                                  LIGHT_VERTICES)
 
+    def fill_eyes(self):
+        """Spans the eye sockets, 3 cm deep in the source, which puts eyeballs of their own there:
+        what is drawn on a socket's ground would slide behind the lids as the head turns. Each
+        becomes a surface between its lids that bulges like an eyeball, and moves with them in
+        shapes. The light mesh is chosen before that, so that it keeps its vertices."""
+        normals = preview.vertex_normals(self.template, self.faces)
+        across = self.template[:, :2] - LEFT_EYE
+        distance = np.linalg.norm(across, axis=1)
+        inward = (normals[:, :2] * across).sum(1) / np.maximum(distance, 1e-9) < -.35
+        depth = self.template[:, 2]
+        wall = (depth > .1) & (((distance < .018) & inward) |
+                               ((np.abs(across).max(1) < .03) & (depth < .1385)))
+        edges = {}  # harmonic weights of the UVs, so that texels spread evenly
+        for face, corners in zip(self.faces, self.uv_faces):
+            if not wall[face].any():
+                continue
+            for k in range(3):
+                edge = tuple(sorted((face[k], face[(k + 1) % 3])))
+                a, b = self.uvs[corners[[k, (k + 1) % 3]]] - self.uvs[corners[(k + 2) % 3]]
+                cotangent = (a @ b) / max(abs(a[0] * b[1] - a[1] * b[0]), 1e-12)
+                edges[edge] = edges.get(edge, 0) + .5 * cotangent
+        ground = np.flatnonzero(wall & (depth < .13))[distance[wall & (depth < .13)].argmin()]
+        socket, growing = {ground}, [ground]
+        while growing:
+            i = growing.pop()
+            more = {b if a == i else a for a, b in edges if i in (a, b)}
+            more = {j for j in more if wall[j]} - socket
+            socket |= more
+            growing += more
+        socket = np.array(sorted(socket))
+        row = {i: k for k, i in enumerate(socket)}
+        system = np.zeros((len(socket), len(socket)))
+        from_lids = np.zeros((len(socket), BODY_VERTICES))
+        for (i, j), weight in edges.items():
+            weight = max(weight, .05)  # positive: without folds
+            for a, b in ((i, j), (j, i)):
+                if a not in row:
+                    continue
+                system[row[a], row[a]] += weight
+                if b in row:
+                    system[row[a], row[b]] -= weight
+                else:
+                    from_lids[row[a], b] += weight
+        from_lids = np.linalg.solve(system, from_lids)  # each row a mean of the vertices around
+        assert np.allclose(from_lids.sum(1), 1) and 300 < len(socket) < 450
+        lids = cKDTree(self.template[from_lids.any(0)])
+        reach, _ = lids.query(from_lids @ self.template)
+        bulge = EYE_BULGE * np.sin(np.pi / 2 * reach / reach.max())
+        mirror = self.twin[socket]
+        for vertices in (self.template, self.samples, self.shapes.transpose(2, 0, 1)):
+            vertices[..., socket, :] = from_lids @ vertices
+            if vertices is self.template:
+                vertices[socket, 2] += bulge
+            vertices[..., mirror, :] = vertices[..., socket, :] * (-1, 1, 1)
+        self.face[socket] = self.face[mirror] = True
+        # The sockets' grounds have charts of their own, fifty times as dense as the face's by now.
+        self.uvs = self.uvs.copy()
+        for side in (socket, mirror):
+            inside = np.isin(self.faces, side).any(1)
+            charts = connected(self.uv_faces[inside], len(self.uvs))
+            own = [c for c in charts if not np.isin(c, self.uv_faces[~inside]).any()]
+            assert own
+            for chart in own:
+                centre = self.uvs[chart].mean(0)
+                self.uvs[chart] = centre + EYE_TEXELS * (self.uvs[chart] - centre)
+
     def arrays(self, kept, faces, uv_faces):
         """The npz of the mesh on the kept vertices."""
         new_id = np.full(BODY_VERTICES, -1, np.int32)
@@ -163,6 +234,15 @@ class Body:
             'sole_mask': self.sole[kept].astype(np.uint8),
             'full_vertex': kept.astype(np.int32),
         }
+
+
+def connected(faces, count):
+    """The sets of vertices that faces [F, 3] connect."""
+    ones = np.ones(2 * len(faces))
+    pairs = np.concatenate([faces[:, :2], faces[:, 1:]])
+    _, label = connected_components(coo_matrix((ones, pairs.T), (count, count)), directed=False)
+    used = np.unique(faces)
+    return [used[label[used] == k] for k in np.unique(label[used])]
 
 
 def save_npz(path, arrays):
@@ -247,6 +327,7 @@ def main():
     folder.mkdir(exist_ok=True)
     meshes = {'default': body.lighter(),
               'default-full': (np.arange(BODY_VERTICES), body.faces, body.uv_faces)}
+    body.fill_eyes()
     for name, mesh in meshes.items():
         arrays = body.arrays(*mesh)
         check(name, arrays, body)

@@ -288,6 +288,24 @@ void drawTexels(const BodyModel& body, size_t f, int size, const std::function<v
         }
 }
 
+// A socket's ground slides behind the lids as the head turns: eyes that are learned on it are
+// smears.
+TEST(DefaultBody, HasNoHolesForEyes) {
+    for (const char* name : {"default.npz", "default-full.npz"}) {
+        const BodyModel body = bodyFromNpz(readNpz(test::sourceFolder() / "assets/body" / name));
+        int eyes = 0;
+        for (size_t v = 0; v < body.templateVertices.size(); v += 3) {
+            const float* at = &body.templateVertices[v];
+            if (std::abs(std::abs(at[0]) - .03f) > .01f || std::abs(at[1] - .455f) > .006f ||
+                at[2] < .1f)
+                continue;
+            EXPECT_GT(at[2], .14f) << name << " vertex " << v / 3;
+            ++eyes;
+        }
+        EXPECT_GT(eyes, 20) << name;
+    }
+}
+
 // SMPL's own file has no atlas, labels or masks: leave the default body without them.
 TEST(Body, FillsInWhatSmplsFileLacks) {
     Npz full = readNpz(kDefaultBody), bare;
