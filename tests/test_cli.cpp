@@ -138,8 +138,9 @@ TEST(CommandLine, FillsOptions) {
     EXPECT_EQ(train.train.preset.texture.batch, 8);
     EXPECT_EQ(train.train.memoryBudget, uint64_t{2} << 30);
     EXPECT_EQ(train.train.frames, "-3:");
-    EXPECT_EQ(run({"train", "c", "--out", "a"}).train.stages,
-              (std::vector<std::string>{"fit", "shape", "texels", "mesh", "texture", "refine"}));
+    EXPECT_EQ(
+        run({"train", "c", "--out", "a"}).train.stages,
+        (std::vector<std::string>{"fit", "caps", "shape", "texels", "mesh", "texture", "refine"}));
     // The paper's preset is the paper's method.
     EXPECT_EQ(run({"train", "c", "--out", "a", "--preset", "paper"}).train.stages,
               (std::vector<std::string>{"fit", "mesh", "texture", "refine"}));
@@ -149,7 +150,7 @@ TEST(CommandLine, FillsOptions) {
         run({"train", "c", "--out", "a", "--no-refine", "--no-gan", "--no-face", "--no-clamp"})
             .train;
     EXPECT_EQ(ablation.stages,
-              (std::vector<std::string>{"fit", "shape", "texels", "mesh", "texture"}));
+              (std::vector<std::string>{"fit", "caps", "shape", "texels", "mesh", "texture"}));
     EXPECT_FALSE(ablation.gan || ablation.face || ablation.clamp);
     const Outcome out = run({"train", "c", "--out", "a", "--preset", "paper", "--stages", "shape"});
     EXPECT_EQ(out.status, 2);
@@ -310,7 +311,7 @@ TEST(CommandLine, RefusesWithOneLineAndTwo) {
     refuse({"train", "c", "--out", "a", "--preset", "huge"},
            "--preset: expected one of ci, small, best, paper, found \"huge\"");
     refuse({"train", "c", "--out", "a", "--stages", "mesh,hair"},
-           "--stages: expected some of fit,shape,texels,mesh,texture,refine, found \"hair\"");
+           "--stages: expected some of fit,caps,shape,texels,mesh,texture,refine, found \"hair\"");
     refuse({"train", "c", "--out", "a", "--set", "mesh.batch"},
            "--set: expected NAME=VALUE (mesh.batch=8), found \"mesh.batch\"");
     refuse({"train", "c", "--out", "a", "--set", "mesh.batch=two"},

@@ -86,9 +86,9 @@ TEST(Presets, EveryNumberIsSetByItsName) {
     EXPECT_EQ(preset.refine.masks, GanMasks::Own);
     std::set<std::string> names;
     for (const auto& [name, value] : presetValues(preset)) EXPECT_TRUE(names.insert(name).second);
-    EXPECT_EQ(names.size(), 145u);
-    EXPECT_EQ(presetSections(),
-              (std::vector<std::string>{"fit", "shape", "texels", "mesh", "texture", "refine"}));
+    EXPECT_EQ(names.size(), 151u);
+    EXPECT_EQ(presetSections(), (std::vector<std::string>{"fit", "caps", "shape", "texels", "mesh",
+                                                          "texture", "refine"}));
 }
 
 TEST(Presets, HelpListsEveryNumberWithItsValuesRangeAndMeaning) {

@@ -1,6 +1,7 @@
 #include "viewer/live_avatar.h"
 
 #include <optional>
+#include <sstream>
 
 #include "engine/error.h"
 #include "trainer/avatar/checkpoint.h"
@@ -15,11 +16,10 @@ std::string stageOf(const fs::path& avatar) {
     try {
         const std::optional<RunRecord> run = readRunRecord(avatar);
         if (!run || !run->asked.contains("stages")) return "its last state";
-        const std::string asked = "," + run->asked.at("stages") + ",";
+        std::istringstream asked(run->asked.at("stages"));  // in their order
         int count = 0, done = 0;
         std::string now;
-        for (const char* stage : {"fit", "shape", "texels", "mesh", "texture", "refine"}) {
-            if (asked.find(fmt::format(",{},", stage)) == std::string::npos) continue;
+        for (std::string stage; std::getline(asked, stage, ',');) {
             ++count;
             if (run->isDone(stage))
                 ++done;

@@ -136,6 +136,25 @@ std::vector<uint8_t> solesFromTemplate(const BodyModel& body) {
     return sole;
 }
 
+// How much of a body with a cap is the model. What is the model's names nothing of the cap.
+void readModelSize(const Reader& in, BodyModel& body) {
+    const std::array<int64_t, 3> all = {body.vertexCount, body.faceCount, body.uvCount};
+    const std::vector<int64_t> sizes = in.need("model_size")
+                                           .requireShape({3}, in.where("model_size"))
+                                           .toI64(in.where("model_size"));
+    for (size_t i = 0; i < 3; ++i)
+        if (sizes[i] < 1 || sizes[i] > all[i])
+            throwInput("{}: element {} is {}; expected 1 to {}", in.where("model_size"), i,
+                       sizes[i], all[i]);
+    for (int64_t i = 0; i < 3 * sizes[1]; ++i)
+        if (body.faces[size_t(i)] >= sizes[0] || body.uvFaces[size_t(i)] >= sizes[2])
+            throwInput("{}: expected faces of the model to name its own vertices, found face {}",
+                       in.where("model_size"), i / 3);
+    body.modelVertices = sizes[0];
+    body.modelFaces = sizes[1];
+    body.modelUvs = sizes[2];
+}
+
 }  // namespace
 
 std::vector<float> BodyModel::restVertices() const {
@@ -247,6 +266,10 @@ BodyModel bodyFromNpz(const Npz& arrays) {
         body.uvFaces = std::move(atlas.uvFaces);
         body.uvCount = static_cast<int64_t>(body.uvs.size() / 2);
     }
+    body.modelVertices = body.vertexCount;
+    body.modelFaces = body.faceCount;
+    body.modelUvs = body.uvCount;
+    if (in.find("model_size")) readModelSize(in, body);
     return body;
 }
 

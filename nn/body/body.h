@@ -31,9 +31,13 @@ struct BodyModel {
     std::vector<int32_t> uvFaces;         // [F,3] into uvs, corner by corner as faces
     std::vector<uint8_t> part;            // [V] BodyPart
     std::vector<uint8_t> face, sole;      // [V] 1 inside
+    // Those of the model itself, which are the first; what follows is a person's cap
+    // (nn/body/body_caps.h).
+    int64_t modelVertices = 0, modelFaces = 0, modelUvs = 0;
+    int64_t capVertices() const { return vertexCount - modelVertices; }
 
-    // [V,3] templateVertices + offsets: what is shaped, posed and drawn. Joints follow, for they are
-    // regressed from it.
+    // [V,3] templateVertices + offsets: what is shaped, posed and drawn. Joints follow, for they
+    // are regressed from it.
     std::vector<float> restVertices() const;
 };
 
@@ -45,6 +49,8 @@ struct BodyModel {
 //     vt [T,2] and ft [F,3]                       optional: an atlas is made (see body_atlas.h)
 //     part [V], face_mask [V], sole_mask [V]      optional: from weights and template
 //     offsets [V,3]                               optional: a person's, from training
+//     model_size [3]                              optional: how many of the vertices, faces and
+//                                                 rows of vt are the model's; the rest is a cap
 //
 // Other arrays are left alone. Everything is checked; what is wrong is an InputError that names
 // the file, the array, what was expected and what was found.

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -21,5 +22,20 @@ struct Atlas {
 // vertices [V,3], faces [F,3], part [V] (1 to 14, see BodyPart).
 Atlas makeAtlas(std::span<const float> vertices, std::span<const int32_t> faces,
                 std::span<const uint8_t> part);
+
+// What is in an atlas already.
+struct AtlasUse {
+    std::span<const float> vertices;   // [V,3]
+    std::span<const int32_t> faces;    // [F,3]
+    std::span<const float> uvs;        // [T,2]
+    std::span<const int32_t> uvFaces;  // [F,3]
+};
+
+// The same for a mesh beside another one, all of it at one density: its charts lie where the
+// other's atlas is empty, with as many texels per metre as that has in the mean, or with fewer
+// where there is less room. Nothing where that would be less than an eighth of them.
+std::optional<Atlas> makeAtlasBeside(std::span<const float> vertices,
+                                     std::span<const int32_t> faces, std::span<const uint8_t> part,
+                                     const AtlasUse& other);
 
 }  // namespace doppel

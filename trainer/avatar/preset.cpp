@@ -130,6 +130,7 @@ Preset presetByName(std::string_view name) {
         preset.mesh.hidden = 64;
         preset.mesh.deviation = .02;
         preset.fit.sigma = 1e-6;
+        preset.caps.cell = .01;
         preset.shape.size = preset.texels.size = 512;
         preset.shape.steps = 500;
         preset.shape.coarse = .6;
@@ -173,6 +174,7 @@ Preset presetByName(std::string_view name) {
     if (name == "ci") {
         preset.fit.passes = 25;
         preset.fit.sigma = 1e-6;
+        preset.caps.cell = .01;
         preset.shape.size = preset.texels.size = 512;  // the demo's frames, pixel for pixel
         preset.shape.steps = 200;
         preset.shape.coarse = .6;

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "nn/steps/caps_numbers.h"
 #include "nn/steps/fit_step.h"
 #include "nn/steps/mesh_step.h"
 #include "nn/steps/refine_step.h"
@@ -20,6 +21,7 @@ namespace doppel {
 // A section per stage, in the order of the stages. Its numbers are declared beside its step.
 #define PRESET_SECTIONS(SECTION)    \
     SECTION(FitPreset, fit)         \
+    SECTION(CapsPreset, caps)       \
     SECTION(SurfacePreset, shape)   \
     SECTION(SurfacePreset, texels)  \
     SECTION(MeshPreset, mesh)       \
@@ -33,9 +35,9 @@ struct Preset {
 #undef SECTION_MEMBER
 };
 
-// "ci" (two minutes, for demo and tests), "small" (some twenty minutes on a CPU), "best" (small with
-// finer texels, larger networks and longer schedules, for GPUs), "paper". InputError that lists them
-// for another name.
+// "ci" (two minutes, for demo and tests), "small" (some twenty minutes on a CPU), "best" (small
+// with finer texels, larger networks and longer schedules, for GPUs), "paper". InputError that
+// lists them for another name.
 Preset presetByName(std::string_view name);
 const std::vector<std::string>& presetNames();
 

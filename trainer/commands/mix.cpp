@@ -75,6 +75,11 @@ void runMix(const MixOptions& options) {
     writePreview(device, mix.avatar, folder.folder() / "preview.png");
     folder.commit();
 
+    if (!mix.capsWorn)
+        fmt::print(
+            stderr,
+            "{}: hair and loose cloth that hang free are left out: the texture has no room\n",
+            options.out.string());
     // mix.given has the base first, and the parts' order but for the shape, which covers nothing.
     if (options.common.json) {
         nlohmann::ordered_json json{{"out", options.out.string()}};

@@ -9,6 +9,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "nn/body/body_caps.h"
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/commands/command.h"
 #include "trainer/data/frame_selection.h"
@@ -112,16 +113,15 @@ void runTrain(const TrainOptions& options) {
     const bool movesPoses = std::ranges::any_of(
         allStages(), [&](const Stage& stage) { return stage.movesPoses && trains(stage); });
     if (!exists || movesPoses) {
-        BodyModel before = std::move(avatar.body);
-        avatar.bodyArrays = readBodyArrays(options.body);
-        avatar.body = bodyFromNpz(avatar.bodyArrays);
-        if (before.templateVertices != avatar.body.templateVertices ||
-            before.faces != avatar.body.faces) {  // networks of another body are of no use
-            avatar.trained.clear();
+        const Npz arrays = readBodyArrays(options.body);
+        const BodyModel asked = bodyFromNpz(arrays);
+        const bool same = exists && isModelOf(asked, avatar.body);
+        if (!same) {
+            avatar.bodyArrays = arrays;
+            avatar.body = asked;
+            avatar.trained.clear();  // networks of another body are of no use
             for (const Stage& stage : allStages())
                 if (stage.clear) stage.clear(avatar);
-        } else {
-            setOffsets(avatar, before.offsets);
         }
     }
     // Numbers of stages that are left alone stay with their networks.

@@ -47,6 +47,12 @@ void trainFit(Device& device, TrainResult& result, const TrainSettings& settings
 void planFit(Device& device, const Avatar& avatar, const Capture& capture,
              const TrainSettings& settings);
 
+// Stage "caps": hair and loose cloth beyond the body; see growCap() in caps/caps.h. Gives the
+// avatar's body more vertices and faces.
+void trainCaps(Device& device, TrainResult& result, const TrainSettings& settings);
+void planCaps(Device& device, const Avatar& avatar, const Capture& capture,
+              const TrainSettings& settings);
+
 // Stages "shape" and "texels": the body's own offsets from silhouettes; then its texels, offsets
 // and the poses from silhouettes and colours. Both move the capture's poses.
 void trainShape(Device& device, TrainResult& result, const TrainSettings& settings);

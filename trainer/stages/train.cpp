@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <span>
 
+#include "nn/body/body_caps.h"
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/avatar/rendering.h"
 #include "trainer/avatar/training_poses.h"
@@ -52,8 +53,10 @@ Asked askedFor(const TrainSettings& settings, const Avatar& avatar, const Captur
                                              double(camera.width), double(camera.height)}));
     }
     poses.add(std::span<const float>(capture.betas));
-    body.add(std::span<const float>(avatar.body.templateVertices));
-    body.add(std::span<const int32_t>(avatar.body.faces));
+    // The model's: its cap is a stage's result.
+    body.add(std::span(avatar.body.templateVertices)
+                 .first(3 * static_cast<size_t>(avatar.body.modelVertices)));
+    body.add(std::span(avatar.body.faces).first(3 * static_cast<size_t>(avatar.body.modelFaces)));
     asked["capture"] = capture.name;
     asked["frames"] = fmt::format("{}", capture.size());
     asked["capture_poses"] = poses.text();
@@ -262,6 +265,13 @@ void trainStages(Device& device, TrainResult& result, const TrainSettings& setti
 
 namespace {
 
+// All that later stages made is of the body with its cap.
+void clearCap(Avatar& avatar) {
+    if (avatar.body.capVertices() == 0) return;
+    avatar.bodyArrays = withoutCap(avatar.bodyArrays);
+    avatar.body = bodyFromNpz(avatar.bodyArrays);
+}
+
 // What stage "texture" made, and what later stages made of it.
 void clearTexture(Avatar& avatar) {
     avatar.textureNet.clear();
@@ -275,6 +285,13 @@ void clearTexture(Avatar& avatar) {
 const std::vector<Stage>& allStages() {
     static const std::vector<Stage> stages{
         {.name = "fit", .train = trainFit, .plan = planFit, .movesPoses = true},
+        {.name = "caps",
+         .train = trainCaps,
+         .plan = planCaps,
+         .isLeftOut = [](const Preset& preset) { return preset.caps.cell == 0; },
+         .optional = true,
+         .isIn = [](const Avatar& avatar) { return avatar.body.capVertices() > 0; },
+         .clear = clearCap},
         {.name = "shape",
          .train = trainShape,
          .plan = planShape,

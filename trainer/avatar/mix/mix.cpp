@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <glm/glm.hpp>
+#include <map>
 
 #include "engine/error.h"
 #include "nn/body/mesh_topology.h"
 #include "trainer/avatar/bake.h"
 #include "trainer/avatar/mix/lab.h"
+#include "trainer/avatar/mix/worn_caps.h"
 
 namespace doppel {
 
@@ -435,7 +437,28 @@ private:
 
 Mix mixAvatars(const MixParts& parts) {
     CHECK(parts.base, "there is a base");
-    return Mixer(parts).mix();
+    // Bodies are mixed without their caps, which then come with what they are a part of.
+    std::map<const Avatar*, Avatar> plain;
+    auto modelOf = [&](const Avatar* avatar) -> const Avatar* {
+        if (!avatar) return nullptr;
+        return &plain.try_emplace(avatar, withoutCap(*avatar)).first->second;
+    };
+    MixParts models;
+    for (auto part : {&MixParts::base, &MixParts::head, &MixParts::hair, &MixParts::top,
+                      &MixParts::bottom, &MixParts::shoes, &MixParts::shape})
+        models.*part = modelOf(parts.*part);
+    Mix mix = Mixer(models).mix();
+
+    auto either = [](const Avatar* giver, const Avatar* other) { return giver ? giver : other; };
+    std::vector<WornPiece> worn;
+    for (const auto& [garment, giver] :
+         {std::pair(Garment::Hair, either(parts.hair, either(parts.head, parts.base))),
+          std::pair(Garment::Top, either(parts.top, parts.base)),
+          std::pair(Garment::Bottom, either(parts.bottom, parts.base))})
+        for (CapPiece& piece : capPieces(giver->body))
+            if (piece.garment == garment) worn.push_back({giver, std::move(piece)});
+    mix.capsWorn = wearCaps(mix.avatar, worn);
+    return mix;
 }
 
 }  // namespace doppel

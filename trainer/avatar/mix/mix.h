@@ -29,6 +29,7 @@ struct Mix {
     // hair, top, bottom, shoes; and what none of them has shown, which takes after what is around.
     std::array<double, 6> given{};
     double unseen = 0;
+    bool capsWorn = true;  // false: the atlas had no room for their hair or loose cloth
 };
 
 // Hair lies over a top, a top over shoes and a bottom. Where two avatars' clothes do not cover

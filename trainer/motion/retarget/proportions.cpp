@@ -20,7 +20,8 @@ struct Shaped {
     double weight(size_t v, size_t joint) const {
         return static_cast<double>(body.weights[joint::kCount * v + joint]);
     }
-    size_t count() const { return verts.size() / 3; }
+    // Of the body itself: a skirt is no thigh.
+    size_t count() const { return static_cast<size_t>(body.modelVertices); }
 };
 
 // The value below which this share of the numbers lies; 0 of none.
