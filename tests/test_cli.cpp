@@ -483,6 +483,10 @@ TEST(Presets, PaperIsThePapers) {
                   setPresetValue(changed, "refine.loss", "hinge", "test");
               }).find("expected log or squares, found \"hinge\""),
               std::string::npos);
+    changed.caps.cell = .001;
+    EXPECT_NE(messageOf<InputError>([&] { checkPreset(changed, "test"); }).find("caps.cell"),
+              std::string::npos);
+    changed.caps.cell = 0;
     changed.refine.depth = 10;
     EXPECT_NE(messageOf<InputError>([&] { checkPreset(changed, "test"); }).find("refine.depth"),
               std::string::npos);

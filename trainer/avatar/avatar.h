@@ -3,7 +3,8 @@
 //     avatar.toml               name, seed, preset, every number of the run, where it came from,
 //                               and the light of the capture
 //     body.npz                  the body model, the person's betas and, once stage "shape" is
-//                               done, her offsets [V,3] beyond the model
+//                               done, her offsets [V,3] beyond the model; once stage "caps" has
+//                               found hair or loose cloth, that at the end of the model's arrays
 //     poses.npz                 the training frames' poses as training left them
 //                               (trainer/avatar/training_poses.h)
 //     texels.png                once stage "texels" is done: the texture that networks paint over

@@ -272,6 +272,10 @@ std::string presetHelp() {
 
 void checkPreset(const Preset& preset, std::string_view where) {
     const TexturePreset& t = preset.texture;
+    constexpr double kLeastCell = .005;  // of which a body has some ten million around it
+    if (preset.caps.cell != 0 && preset.caps.cell < kLeastCell)
+        throwInput("{}: caps.cell: expected 0 or at least {}, found {}", where, kLeastCell,
+                   preset.caps.cell);
     if ((t.textureSize & (t.textureSize - 1)) != 0) {
         throwInput("{}: texture.textureSize: expected a power of two, found {}", where,
                    t.textureSize);
