@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 
 #include <chrono>
+#include <regex>
 #include <thread>
 
 #include "tests/refusals.h"
@@ -56,6 +57,12 @@ TEST_F(MpiRun, TrainsWithTheSameBitsEveryTime) {
         EXPECT_THAT(run.err, HasSubstr("2 processes train together by Open MPI"));
         EXPECT_EQ(run.out, "silhouette IoU" + run.out.substr(14)) << "rank 0 alone speaks";
         EXPECT_EQ(std::ranges::count(run.out, '\n'), 2) << run.out;
+        // Three frames, of which one has two and the other one.
+        std::smatch decoded;
+        ASSERT_TRUE(std::regex_search(run.err, decoded,
+                                      std::regex("each process decoded (\\d+) to (\\d+) pictures")))
+            << run.err;
+        EXPECT_LE(std::stoi(decoded[2]), 2 * std::stoi(decoded[1])) << decoded[0];
     }
     for (const char* name : {"body.npz", "texels.png", "mesh_net.safetensors",
                              "texture_net.safetensors", "texture.png"}) {
@@ -67,6 +74,42 @@ TEST_F(MpiRun, TrainsWithTheSameBitsEveryTime) {
         doppel({"render", at("a"), "--motion", at("capture"), "--out", at("results/a.png")}).status,
         0);
     EXPECT_THAT(doppel(train("a")).out, HasSubstr("it was finished before"));
+}
+
+// scripts/scale-model: of n processes each sends 2 (n - 1) / n of the gradients and n - 1 times the
+// sums over the batch, which two of them have shown.
+TEST_F(MpiRun, FourSendWhatTheModelSaysOfTwo) {
+    auto numbers = [&](const char* out) {
+        std::vector<std::string> words = train(out);
+        for (const char* number : {"fit.batch=4", "mesh.batch=4", "texture.batch=4"})
+            words.insert(words.end(), {"--set", number});
+        return words;
+    };
+    auto found = [](const std::string& text, const std::string& pattern) {
+        std::smatch match;
+        EXPECT_TRUE(std::regex_search(text, match, std::regex(pattern))) << pattern << "\n" << text;
+        return match.empty() ? 0 : std::stod(match[1]);
+    };
+    std::vector<std::string> profile = numbers("alone");
+    profile.insert(profile.end(), {"--stages", "mesh,texture", "--profile", "1"});
+    const Outcome one = doppel(profile);
+    ASSERT_EQ(one.status, 0) << one.err;
+    const Outcome two = mpirun(2, numbers("two")), four = mpirun(4, numbers("four"));
+    ASSERT_EQ(two.status, 0) << two.err;
+    ASSERT_EQ(four.status, 0) << four.err;
+    for (const std::string stage : {"mesh", "texture"}) {
+        const double gradients =
+            found(one.out, "stage " + stage + ":.*gradients and moments ([0-9.]+) MiB") * 1024 / 4;
+        const double byTwo =
+            found(two.err, stage + ": process 0 of 2 sent ([0-9.]+) KiB to the others");
+        const double byFour =
+            found(four.err, stage + ": process 0 of 4 sent ([0-9.]+) KiB to the others");
+        const double sums = byTwo - gradients;
+        fmt::print("{}: gradients {:.1f} KiB, sums {:.1f}; four: {:.1f}, by the model {:.1f}\n",
+                   stage, gradients, sums, byFour, 1.5 * gradients + 3 * sums);
+        EXPECT_GT(sums, stage == "texture" ? .05 * gradients : -1);
+        EXPECT_NEAR(byFour, 1.5 * gradients + 3 * sums, .05 * byFour);
+    }
 }
 
 TEST_F(MpiRun, ARankThatDiesEndsAllAndOneProcessGoesOn) {

@@ -34,10 +34,10 @@ TEST_F(ScaleModel, SaysWhatStepsAndLinksMake) {
                                "0.001", "--latency", "0.5", "--people", "16"});
     ASSERT_EQ(run.status, 0) << run.err;
     // Alone 10 (.2 + .4). Two: .2 + .2, a second of wire that nothing hides, and two latencies.
-    EXPECT_THAT(run.out, HasSubstr("| 1 | 4 | 0.0 MiB | 6 s |"));
-    EXPECT_THAT(run.out, HasSubstr("| 2 | 4 | 1.0 MiB | 24 s |"));
+    EXPECT_THAT(run.out, HasSubstr("| 1 | 4 | 0.0 KiB | 6 s |"));
+    EXPECT_THAT(run.out, HasSubstr("| 2 | 4 | 976.6 KiB | 24 s |"));
     // Eight frames in five steps: .2 + .1, 1.75 s, 1 s.
-    EXPECT_THAT(run.out, HasSubstr("| 8 | 8 | 1.7 MiB | 15.2 s |"));
+    EXPECT_THAT(run.out, HasSubstr("| 8 | 8 | 1709.0 KiB | 15.2 s |"));
     EXPECT_THAT(run.out, HasSubstr("past 2 devices there is little to gain"));
     EXPECT_THAT(run.out, HasSubstr("| 8 | 12 s | 4.07 min |"));
     // A stage that goes by epochs: ten frames in all, of four a step.
@@ -47,12 +47,49 @@ TEST_F(ScaleModel, SaysWhatStepsAndLinksMake) {
                         R"("bytes": 1e6, "each": 0.1, "once": 0.2}}})"),
                "--batch", "4", "--devices", "1"})
             .out,
-        HasSubstr("| 1 | 4 | 0.0 MiB | 1.8 s |"));
+        HasSubstr("| 1 | 4 | 0.0 KiB | 1.8 s |"));
     measured(
         R"({"preset": "mine", "stages": {"mesh": {"steps": 10, "bytes": 1e6, "each": 0.1, "once": 0.2}}})");
     // Devices ten times as fast are ten times as fast alone.
     EXPECT_THAT(model({"--from", file, "--batch", "4", "--devices", "1", "--faster", "10"}).out,
-                HasSubstr("| 1 | 4 | 0.0 MiB | 600 ms |"));
+                HasSubstr("| 1 | 4 | 0.0 KiB | 600 ms |"));
+}
+
+// Each process sends its sums over the batch to each other one, and waits for theirs.
+TEST_F(ScaleModel, CountsSumsOverTheBatch) {
+    const std::string file = measured(
+        R"({"preset": "mine", "stages": {"texture": {"steps": 10, "bytes": 0, "sums": 102400,)"
+        R"("exchanges": 4, "each": 0.1, "once": 0.2}}})");
+    // 10 (.2 + .1 + 3 * .1024 + 4 * 2 * .01) of four, whose wire takes a megabyte in a second.
+    EXPECT_THAT(model({"--from", file, "--batch", "4", "--devices", "1,4", "--links", "0.001",
+                       "--latency", "0.01"})
+                    .out,
+                HasSubstr("| 4 | 4 | 300.0 KiB | 7.07 s |"));
+}
+
+// What four processes sent of texture's 7,508 KiB and two's sums of 348 (docs/scale.md).
+TEST_F(ScaleModel, SaysWhatFourWereMeasuredToSend) {
+    const std::string file = measured(
+        R"({"preset": "ci", "stages": {"texture": {"steps": 50, "bytes": 7688192, "sums": 356352,)"
+        R"("each": 0.1, "once": 0.2}}})");
+    const std::string tables =
+        model({"--from", file, "--batch", "4", "--devices", "1,2,4", "--links", "10"}).out;
+    EXPECT_THAT(tables, HasSubstr("| 2 | 4 | 7856.0 KiB |"));
+    EXPECT_THAT(tables, HasSubstr("| 4 | 4 | 12306.0 KiB |"));
+}
+
+// Stages that go by epochs take the steps of as many frames, and of a thousand at most.
+TEST_F(ScaleModel, TellsOfLongerRecordings) {
+    const std::string file = measured(
+        R"({"preset": "mine", "recorded": 50, "stages": {"mesh": {"steps": 100, "epochs": true,)"
+        R"("bytes": 1e6, "each": 0.1, "once": 0}, "texture": {"steps": 10, "bytes": 1e6,)"
+        R"("each": 0.1, "once": 0}}})");
+    const Outcome run =
+        model({"--from", file, "--batch", "1", "--devices", "1", "--recording", "7200"});
+    EXPECT_THAT(run.out, HasSubstr("### mesh: 2000 steps"));
+    EXPECT_THAT(run.out, HasSubstr("### texture: 10 steps"));
+    EXPECT_THAT(model({"--from", file, "--batch", "1", "--devices", "1", "--recording", "100"}).out,
+                HasSubstr("### mesh: 200 steps"));
 }
 
 TEST_F(ScaleModel, RefusesWhatItCannotRead) {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdlib>
 
 #include "tests/files.h"
 #include "tests/op_test.h"
@@ -42,6 +43,10 @@ TEST(TrainingFrames, AreTheSameCompressedAndPrepared) {
     EXPECT_EQ(raw.bytesKept(), capture.size() * 64 * 64 * 4);
     EXPECT_TRUE(packed.compressed());
     EXPECT_LT(packed.bytesKept(), raw.bytesKept() / 2);  // much of a crop is plain
+    // What is more than the budget even so is in a file.
+    EXPECT_EQ(raw.bytesInMemory(), raw.bytesKept());
+    EXPECT_GT(packed.bytesKept(), 1000u);
+    EXPECT_LE(packed.bytesInMemory(), 1000u);
     std::vector<size_t> some{2, 0, 2};
     for (int round = 0; round < 2; ++round) {
         for (size_t i = 0; i < capture.size(); ++i) {
@@ -50,6 +55,31 @@ TEST(TrainingFrames, AreTheSameCompressedAndPrepared) {
         }
         packed.prepare(some);
     }
+}
+
+TEST(ByteStore, KeepsWhatItIsGivenWithinItsBudget) {
+    ByteStore store(1000);
+    std::vector<std::vector<uint8_t>> given;
+    for (size_t i = 0; i < 50; ++i) {
+        given.emplace_back(i * 7, static_cast<uint8_t>(i));
+        EXPECT_EQ(store.add(given.back()), i);
+    }
+    const ByteStore moved = std::move(store);
+    for (size_t i = 0; i < given.size(); ++i) EXPECT_EQ(moved.read(i), given[i]);
+    EXPECT_LE(moved.bytesInMemory(), 1000u);
+    EXPECT_EQ(moved.bytesInMemory() + moved.bytesInFile(), 7u * 49 * 50 / 2);
+}
+
+TEST(ByteStore, SaysWhereItCannotPutMore) {
+    const char* before = std::getenv("TMPDIR");
+    const std::string kept = before ? before : "";
+    setenv("TMPDIR", "/nowhere/at/all", 1);
+    ByteStore store(10);
+    store.add(std::vector<uint8_t>(10));
+    const std::string refusal =
+        test::messageOf<MachineError>([&] { store.add(std::vector<uint8_t>(1)); });
+    before ? setenv("TMPDIR", kept.c_str(), 1) : unsetenv("TMPDIR");
+    EXPECT_EQ(refusal.find("/nowhere/at/all: no file can be made"), 0u) << refusal;
 }
 
 // Where edges are compared a small frame is cut at its own pixels, and what is behind the person is

@@ -1,8 +1,10 @@
 #include "trainer/avatar/background.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "engine/error.h"
+#include "engine/files/byte_store.h"
 
 namespace doppel {
 
@@ -12,6 +14,9 @@ namespace {
 constexpr int kRim = 3;
 // A median of this many frames, evenly taken, is as good as one of all.
 constexpr size_t kMedianFrames = 31;
+// Parts in which their pixels are looked at, and memory for those that wait.
+constexpr size_t kBands = 16;
+constexpr uint64_t kMemory = uint64_t{256} << 20;
 
 }  // namespace
 
@@ -87,42 +92,89 @@ std::vector<float> composite(const std::vector<float>& rgb, const std::vector<ui
     return result;
 }
 
-BackgroundPlate::BackgroundPlate(const Capture& capture, FrameCache& frames) {
+BackgroundPlate::BackgroundPlate(const Capture& capture, FrameCache& frames, Ranks* ranks) {
     capture.requireMasks();
     width_ = capture.frames.at(0).camera.width;
     height_ = capture.frames.at(0).camera.height;
-    size_t pixels = static_cast<size_t>(width_) * static_cast<size_t>(height_);
-    size_t count = std::min(capture.size(), kMedianFrames);
-
-    std::vector<std::shared_ptr<const Picture>> pictures;
-    std::vector<std::vector<uint8_t>> masks;
-    for (size_t i = 0; i < count; ++i) {
-        size_t frame = i * capture.size() / count;
-        const Camera& camera = capture.frames[frame].camera;
-        if (camera.width != width_ || camera.height != height_)
+    const auto w = static_cast<size_t>(width_), h = static_cast<size_t>(height_);
+    const size_t count = std::min(capture.size(), kMedianFrames);
+    const auto frameOf = [&](size_t k) { return k * capture.size() / count; };
+    for (size_t k = 0; k < count; ++k) {
+        const Frame& frame = capture.frames[frameOf(k)];
+        if (frame.camera.width != width_ || frame.camera.height != height_)
             throwInput(
                 "{}: frame {} is {}×{}, the first is {}×{}; frames of one size are needed "
                 "for a background",
-                capture.folder.string(), capture.frames[frame].name, camera.width, camera.height,
+                capture.folder.string(), frame.name, frame.camera.width, frame.camera.height,
                 width_, height_);
-        pictures.push_back(frames.load(frame));
-        masks.push_back(dilateMask(pictures.back()->mask, width_, height_, kRim));
     }
-    plate_.resize(pixels * 3);
-    std::vector<uint8_t> known(pixels);
-    std::vector<uint8_t> values;
-    for (size_t pixel = 0; pixel < pixels; ++pixel)
-        for (size_t c = 0; c < 3; ++c) {
-            values.clear();
-            for (size_t i = 0; i < count; ++i)
-                if (!masks[i][pixel]) values.push_back(pictures[i]->rgb[3 * pixel + c]);
-            if (values.empty()) continue;
-            auto middle = values.begin() + static_cast<long>(values.size() / 2);
-            std::nth_element(values.begin(), middle, values.end());
-            plate_[3 * pixel + c] = static_cast<float>(*middle) / 255.0f;
-            known[pixel] = 1;
-        }
-    fillHoles(plate_, known, static_cast<size_t>(width_), static_cast<size_t>(height_));
+    // A rank decodes its frames, hands each rank some rows of them, and finds the median of its own
+    // rows of all frames, some at a time: of 4K all of them would be a GB. Pixels are four bytes:
+    // the colour, and whether it is the scene's.
+    const auto size = static_cast<size_t>(sizeOf(ranks)), own = static_cast<size_t>(rankOf(ranks));
+    const size_t rows = (h + size - 1) / size, strip = rows * w * 4;
+    const size_t band = std::max<size_t>(1, rows / kBands) * w * 4;
+    const auto bytesOf = [&](size_t from) { return std::min(band, strip - from); };
+    ByteStore strips(kMemory);
+    const auto put = [&](std::span<const uint8_t> pixels) {
+        for (size_t from = 0; from < strip; from += band)
+            strips.add(pixels.subspan(from, bytesOf(from)));
+    };
+    inParallel((count + size - 1) / size,
+               [&](size_t turn) {
+                   std::vector<uint8_t> pixels(strip * size);
+                   if (turn * size + own >= count) return pixels;
+                   const auto picture = frames.load(frameOf(turn * size + own));
+                   const std::vector<uint8_t> person =
+                       dilateMask(picture->mask, width_, height_, kRim);
+                   for (size_t i = 0; i < person.size(); ++i) {
+                       std::copy_n(&picture->rgb[3 * i], 3, &pixels[4 * i]);
+                       pixels[4 * i + 3] = person[i] == 0;
+                   }
+                   return pixels;
+               },
+               [&](size_t turn, const std::vector<uint8_t>& pixels) {
+                   if (size == 1) {
+                       put(pixels);
+                       return;
+                   }
+                   std::vector<uint8_t> theirs(strip * size);
+                   ranks->allToAll(std::as_bytes(std::span(pixels)).data(),
+                                   std::as_writable_bytes(std::span(theirs)).data(), strip);
+                   for (size_t rank = 0; rank < size && turn * size + rank < count; ++rank)
+                       put(std::span<const uint8_t>(theirs).subspan(rank * strip, strip));
+               });
+    std::vector<uint8_t> medians(strip), values;
+    const size_t bands = (strip + band - 1) / band;
+    for (size_t k = 0; k < bands; ++k) {
+        std::vector<std::vector<uint8_t>> pixels;
+        for (size_t f = 0; f < count; ++f) pixels.push_back(strips.read(f * bands + k));
+        for (size_t at = 0; at < bytesOf(k * band); at += 4)
+            for (size_t c = 0; c < 3; ++c) {
+                values.clear();
+                for (const std::vector<uint8_t>& frame : pixels)
+                    if (frame[at + 3]) values.push_back(frame[at + c]);
+                if (values.empty()) continue;
+                auto middle = values.begin() + static_cast<long>(values.size() / 2);
+                std::nth_element(values.begin(), middle, values.end());
+                medians[k * band + at + c] = *middle;
+                medians[k * band + at + 3] = 1;
+            }
+    }
+    std::vector<uint8_t> all(strip * size);
+    if (size > 1)
+        ranks->allGather(std::as_bytes(std::span(medians)).data(),
+                         std::as_writable_bytes(std::span(all)).data(), strip);
+    else
+        all = std::move(medians);
+    plate_.resize(3 * w * h);
+    std::vector<uint8_t> known(w * h);
+    for (size_t i = 0; i < known.size(); ++i) {
+        known[i] = all[4 * i + 3];
+        for (size_t c = 0; known[i] && c < 3; ++c)
+            plate_[3 * i + c] = static_cast<float>(all[4 * i + c]) / 255.0f;
+    }
+    fillHoles(plate_, known, w, h);
 }
 
 std::vector<float> BackgroundPlate::behind(const Picture& picture) const {
@@ -133,7 +185,15 @@ std::vector<float> BackgroundPlate::behind(const Picture& picture) const {
     return result;
 }
 
-BackgroundPlates::BackgroundPlates(const Capture& capture, FrameCache& frames) {
+void BackgroundPlate::removePerson(Picture& picture) const {
+    const std::vector<uint8_t> person = dilateMask(picture.mask, width_, height_, kRim);
+    for (size_t i = 0; i < plate_.size(); ++i)
+        if (person[i / 3])
+            picture.rgb[i] =
+                static_cast<uint8_t>(std::lround(255 * std::clamp(plate_[i], 0.0f, 1.0f)));
+}
+
+BackgroundPlates::BackgroundPlates(const Capture& capture, FrameCache& frames, Ranks* ranks) {
     std::map<std::pair<int, int>, std::vector<size_t>> sizes;
     for (size_t i = 0; i < capture.size(); ++i) {
         const Camera& camera = capture.frames[i].camera;
@@ -141,17 +201,17 @@ BackgroundPlates::BackgroundPlates(const Capture& capture, FrameCache& frames) {
     }
     for (const auto& [size, members] : sizes) {
         if (sizes.size() == 1) {
-            bySize_.emplace(size, BackgroundPlate(capture, frames));
+            bySize_.emplace(size, BackgroundPlate(capture, frames, ranks));
             continue;
         }
         const Capture part = capture.subset(members);
         FrameCache cache(part);
-        bySize_.emplace(size, BackgroundPlate(part, cache));
+        bySize_.emplace(size, BackgroundPlate(part, cache, ranks));
     }
 }
 
-std::vector<float> BackgroundPlates::behind(const Picture& picture) const {
-    return bySize_.at({picture.width, picture.height}).behind(picture);
+void BackgroundPlates::removePerson(Picture& picture) const {
+    bySize_.at({picture.width, picture.height}).removePerson(picture);
 }
 
 }  // namespace doppel

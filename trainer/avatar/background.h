@@ -8,6 +8,7 @@
 
 #include "trainer/data/capture.h"
 #include "trainer/data/frame_cache.h"
+#include "trainer/data/shared_work.h"
 
 namespace doppel {
 
@@ -15,7 +16,8 @@ namespace doppel {
 // around it. All frames of the capture have to have the same size and a mask (InputError).
 class BackgroundPlate {
 public:
-    BackgroundPlate(const Capture& capture, FrameCache& frames);
+    // Each rank decodes its part of the frames that are looked at; all get the same plate.
+    BackgroundPlate(const Capture& capture, FrameCache& frames, Ranks* ranks = nullptr);
 
     int width() const { return width_; }
     int height() const { return height_; }
@@ -23,6 +25,8 @@ public:
     const std::vector<float>& plate() const { return plate_; }
     // This frame's own pixels away from the person, the plate's on and next to the person.
     std::vector<float> behind(const Picture& picture) const;
+    // The same in the picture itself.
+    void removePerson(Picture& picture) const;
 
 private:
     int width_ = 0, height_ = 0;
@@ -32,8 +36,9 @@ private:
 // A plate for each size of frame that a capture has, as of several cameras.
 class BackgroundPlates {
 public:
-    BackgroundPlates(const Capture& capture, FrameCache& frames);
-    std::vector<float> behind(const Picture& picture) const;
+    BackgroundPlates(const Capture& capture, FrameCache& frames, Ranks* ranks = nullptr);
+    // Puts the plate on and next to the person.
+    void removePerson(Picture& picture) const;
 
 private:
     std::map<std::pair<int, int>, BackgroundPlate> bySize_;  // width, height

@@ -64,10 +64,21 @@ void sayRanks(LaunchedRanks& ranks, const DeviceInfo& mine) {
                    "other roundings, and the slowest sets the pace\n");
 }
 
+// How evenly they have shared the frames.
+void sayDecoded(Ranks& ranks) {
+    const uint64_t mine = FrameCache::decoded();
+    std::vector<uint64_t> all(static_cast<size_t>(ranks.size()));
+    ranks.allGather(std::as_bytes(std::span(&mine, 1)).data(),
+                    std::as_writable_bytes(std::span(all)).data(), sizeof(mine));
+    const auto [least, most] = std::ranges::minmax(all);
+    fmt::print(stderr, "each process decoded {} to {} pictures\n", least, most);
+}
+
 }  // namespace
 
 void runTrain(const TrainOptions& options) {
     catchInterrupts();
+    LaunchedRanks* ranks = launchedRanks();
     requireApart(options.out, {options.capture, bodyFile(options.body)});
     Capture capture = readCapture(options.capture);
     capture = capture.subset(selectFrames(options.frames, capture.size()));
@@ -78,7 +89,7 @@ void runTrain(const TrainOptions& options) {
                    "all\n",
                    options.capture.string(), capture.size(), options.mostFrames);
         FrameCache cache(capture, size_t{64} << 20);
-        capture = capture.subset(tellingFrames(capture, cache, options.mostFrames));
+        capture = capture.subset(tellingFrames(capture, cache, options.mostFrames, ranks));
         capture.source["chosen"] = "for their poses";  // so that they are no video
     }
 
@@ -166,7 +177,6 @@ void runTrain(const TrainOptions& options) {
                 options.out.string());
         return;
     }
-    LaunchedRanks* ranks = launchedRanks();
     DeviceOptions deviceOptions = options.common.deviceOptions();
     if (ranks) deviceOptions.name = deviceOf(*ranks, deviceOptions.name);
     Device device(deviceOptions);
@@ -177,6 +187,7 @@ void runTrain(const TrainOptions& options) {
         sayRanks(*ranks, device.info());
     }
     TrainResult result = trainAvatar(device, std::move(avatar), std::move(capture), settings);
+    if (ranks) sayDecoded(*ranks);
     if (settings.profileSteps > 0) return;
     if (options.common.json) {
         nlohmann::ordered_json json{{"avatar", options.out.string()}};

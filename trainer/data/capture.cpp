@@ -9,6 +9,7 @@
 #include "trainer/data/capture_notes.h"
 #include "trainer/data/frame_selection.h"
 #include "trainer/data/output_folder.h"
+#include "trainer/data/shared_work.h"
 
 namespace doppel {
 namespace fs = std::filesystem;
@@ -76,6 +77,22 @@ void requireSize(const fs::path& path, const Camera& camera, const char* of) {
     if (size.width == camera.width && size.height == camera.height) return;
     throwInput("{}: expected {}×{} pixels, the size of {}, found {}×{}", path.string(),
                camera.width, camera.height, of, size.width, size.height);
+}
+
+// Of an hour's frames these are 200,000 headers.
+void requireSizes(std::span<const Frame> frames) {
+    constexpr size_t kPart = 64;
+    inParallel((frames.size() + kPart - 1) / kPart,
+               [&](size_t part) {
+                   const size_t begin = part * kPart;
+                   for (const Frame& frame :
+                        frames.subspan(begin, std::min(kPart, frames.size() - begin))) {
+                       requireSize(frame.image, frame.camera, "cameras.npz");
+                       if (frame.mask) requireSize(*frame.mask, frame.camera, "its frame");
+                   }
+                   return true;
+               },
+               [](size_t, bool) {});
 }
 
 }  // namespace
@@ -179,7 +196,6 @@ Capture readCapture(const fs::path& folder) {
                        (folder / "images").string(), names[f]);
         }
         frame.image = image->second;
-        requireSize(frame.image, frame.camera, "cameras.npz");
         if (masked) {
             const auto mask = masks.find(names[f]);
             if (mask == masks.end()) {
@@ -187,10 +203,10 @@ Capture readCapture(const fs::path& folder) {
                            (folder / "masks").string(), names[f]);
             }
             frame.mask = mask->second;
-            requireSize(*frame.mask, frame.camera, "its frame");
         }
         capture.frames.push_back(std::move(frame));
     }
+    requireSizes(capture.frames);
 
     const fs::path posesPath = folder / "poses.npz";
     Poses poses = readPoses(posesPath, true);

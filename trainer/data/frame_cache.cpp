@@ -20,6 +20,7 @@ std::shared_ptr<const Picture> FrameCache::load(size_t index) {
         }
     }
     // Decoded without the lock, so that threads decode side by side.
+    ++decoded_;
     const Frame& frame = capture_.frames[index];
     auto picture = std::make_shared<Picture>();
     Image image = readImage(frame.image, 3);

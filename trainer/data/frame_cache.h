@@ -1,6 +1,7 @@
 // The pixels of a capture's frames.
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <list>
@@ -28,7 +29,11 @@ public:
     // InputError where the file is cut short, or no longer what readCapture saw.
     std::shared_ptr<const Picture> load(size_t frame);
 
+    // Pictures that this process has decoded so far, by all caches.
+    static uint64_t decoded() { return decoded_; }
+
 private:
+    static inline std::atomic<uint64_t> decoded_ = 0;
     const Capture& capture_;
     size_t budget_, used_ = 0;
     std::mutex mutex_;

@@ -47,21 +47,16 @@ struct Mode {
     double red = 0, green = 0, share = 0;
 };
 
-Mode borderMode(std::span<const std::shared_ptr<const Picture>> pictures) {
+Mode borderMode(std::span<const std::vector<uint8_t>> borders) {
     constexpr int kBins = 64;
     std::vector<double> bins(kBins * kBins, 0.);
     std::vector<Chroma> ring;
-    for (const auto& picture : pictures) {
-        const int w = picture->width, h = picture->height;
-        const int depth = std::max(2, std::min(w, h) / 12);
-        for (int y = 0; y < h; y += 2) {
-            for (int x = 0; x < w; x += 2) {
-                if (std::min({x, y, w - 1 - x, h - 1 - y}) >= depth) continue;
-                ring.push_back(chromaOf(&picture->rgb[3 * (size_t(y) * size_t(w) + size_t(x))]));
-                const Chroma& c = ring.back();
-                if (c.brightness < .01) continue;
-                bins[size_t(c.red * kBins * .999) * kBins + size_t(c.green * kBins * .999)] += 1;
-            }
+    for (const std::vector<uint8_t>& border : borders) {
+        for (size_t at = 0; at < border.size(); at += 3) {
+            ring.push_back(chromaOf(&border[at]));
+            const Chroma& c = ring.back();
+            if (c.brightness < .01) continue;
+            bins[size_t(c.red * kBins * .999) * kBins + size_t(c.green * kBins * .999)] += 1;
         }
     }
     const auto peak = size_t(std::max_element(bins.begin(), bins.end()) - bins.begin());
@@ -166,9 +161,22 @@ std::vector<float> growth(const Picture& picture, std::span<const uint8_t> solid
 
 // ---- the screen ---------------------------------------------------------------------------------
 
-std::string screenOf(std::span<const std::shared_ptr<const Picture>> pictures) {
+std::vector<uint8_t> borderOf(const Picture& picture) {
+    const int w = picture.width, h = picture.height, depth = std::max(2, std::min(w, h) / 12);
+    std::vector<uint8_t> border;
+    for (int y = 0; y < h; y += 2) {
+        for (int x = 0; x < w; x += 2) {
+            if (std::min({x, y, w - 1 - x, h - 1 - y}) >= depth) continue;
+            const uint8_t* pixel = &picture.rgb[3 * (size_t(y) * size_t(w) + size_t(x))];
+            border.insert(border.end(), pixel, pixel + 3);
+        }
+    }
+    return border;
+}
+
+std::string screenOf(std::span<const std::vector<uint8_t>> borders) {
     constexpr double kLeastShare = .5, kLeastLead = .08;
-    const Mode mode = borderMode(pictures);
+    const Mode mode = borderMode(borders);
     if (mode.share < kLeastShare) return {};
     const double blue = 1 - mode.red - mode.green;
     if (mode.green - std::max(mode.red, blue) > kLeastLead) return "green";
@@ -181,7 +189,9 @@ ScreenKey::ScreenKey(std::span<const std::shared_ptr<const Picture>> pictures,
     CHECK(!pictures.empty(), "a key is learnt from one picture or more");
     width_ = pictures[0]->width;
     height_ = pictures[0]->height;
-    const Mode mode = borderMode(pictures);
+    std::vector<std::vector<uint8_t>> borders;
+    for (const auto& picture : pictures) borders.push_back(borderOf(*picture));
+    const Mode mode = borderMode(borders);
     const double saturation = std::hypot(mode.red - 1. / 3, mode.green - 1. / 3);
     if (mode.share < .3 || saturation < .08) {
         throwInput(

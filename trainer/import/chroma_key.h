@@ -43,9 +43,12 @@ private:
     std::array<int, 3> colour_{};
 };
 
-// "green" or "blue", where pictures of one size are before such a screen for certain: it makes up
-// half of what is along their borders. Empty: they are not.
-std::string screenOf(std::span<const std::shared_ptr<const Picture>> pictures);
+// What is along a picture's border, every other pixel of each row and column: [n][3] as in rgb.
+std::vector<uint8_t> borderOf(const Picture& picture);
+
+// "green" or "blue", where pictures are before such a screen for certain: it makes up half of what
+// is along their borders, which are given. Empty: they are not.
+std::string screenOf(std::span<const std::vector<uint8_t>> borders);
 
 // Learns what the person's colours are and what those of other objects (all that the screen does
 // not explain far from the body), and decides between them near the body.

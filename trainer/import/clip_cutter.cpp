@@ -63,12 +63,13 @@ void ClipCutter::finish(std::span<const Sample> samples) {
         return;
     }
     std::vector<std::shared_ptr<const Picture>> pictures;
-    std::vector<std::vector<uint8_t>> people;
+    std::vector<std::vector<uint8_t>> people, borders;
     for (const Sample& sample : samples) {
         pictures.push_back(std::make_shared<Picture>(pictureOf(sample.rgb)));
+        borders.push_back(borderOf(*pictures.back()));
         people.push_back(surely(sample.share));
     }
-    screen_ = screenOf(pictures);
+    screen_ = screenOf(borders);
     if (!screen_.empty()) key_ = std::make_unique<PersonKey>(pictures, people, "the clip");
 }
 

@@ -68,10 +68,13 @@ private:
     std::vector<float> surface_;
 };
 
+// How much the pixels outside a mask, on its border, on its rim and inside count.
+constexpr std::array<float, 4> kWeights{0, 1e-4f, 1e-2f, 1};
+
 // A frame as texels take from it.
 struct View {
-    std::vector<float> rgb;      // [H,W,3] in [0,1]
-    std::vector<float> weights;  // [H,W] full where the mask's rim ends, 0 outside
+    std::vector<uint8_t> rgb;      // [H,W,3]
+    std::vector<uint8_t> weights;  // [H,W] which of kWeights
 };
 
 // The pixels on a mask's rim count little, and have the colours of the inside, so that a texel
@@ -82,13 +85,10 @@ View viewOf(const Picture& picture, int asked) {
     std::ranges::transform(picture.mask, outside.begin(),
                            [](uint8_t m) { return static_cast<uint8_t>(m > 127 ? 0 : 255); });
     const std::vector<uint8_t> near = dilateMask(outside, w, h, 1),
-                               far = dilateMask(outside, w, h, rim),
-                               rgb = withoutRim(picture, rim, 1);
-    View view{std::vector<float>(rgb.size()), std::vector<float>(outside.size())};
-    std::ranges::transform(rgb, view.rgb.begin(),
-                           [](uint8_t c) { return static_cast<float>(c) / 255; });
+                               far = dilateMask(outside, w, h, rim);
+    View view{withoutRim(picture, rim, 1), std::vector<uint8_t>(outside.size())};
     for (size_t i = 0; i < outside.size(); ++i)
-        view.weights[i] = outside[i] ? 0 : near[i] ? 1e-4f : far[i] ? 1e-2f : 1;
+        view.weights[i] = outside[i] ? 0 : near[i] ? 1 : far[i] ? 2 : 3;
     return view;
 }
 
@@ -157,27 +157,28 @@ double FirstTexels::part(TexelOrigin from) const {
 }
 
 FirstTexels backProject(Device& device, const BodyModel& body, const Capture& capture,
-                        FrameCache& frames, int size, int rim) {
-    rim = rimBeforeScreen(capture, frames, rim);
+                        FrameCache& frames, int size, int rim, Ranks* ranks) {
+    rim = rimBeforeScreen(capture, frames, rim, ranks);
     capture.requireMasks();
     BodyPoser poser(device, body);
     std::unique_ptr<DepthMap> depths;
     const std::vector<TexelPlace> places = texelPlaces(body, size);
     std::vector<double> sums(3 * places.size()), totals(places.size());
     const size_t count = std::min(capture.size(), kMostFrames);
-    Progress progress("first texels", static_cast<int64_t>(count));
-    for (size_t k = 0; k < count; ++k) {
-        if (interrupted()) throw Interrupted{};
-        const size_t f = k * capture.size() / count;
+    const auto ranksCount = static_cast<size_t>(sizeOf(ranks));
+    const size_t own = static_cast<size_t>(rankOf(ranks)),
+                 mine = (count + ranksCount - 1 - own) / ranksCount;
+    const auto frameOf = [&](size_t k) { return (k * ranksCount + own) * capture.size() / count; };
+    Progress progress("first texels", static_cast<int64_t>(mine));
+    auto project = [&](size_t k, const View& view) {
+        const size_t f = frameOf(k);
         const Camera& camera = capture.frames[f].camera;
-        const auto picture = frames.load(f);
         const PosedMesh posed = poser.pose(capture.theta[f], capture.trans[f], capture.betas);
         if (!depths || !depths->fits(camera))
             depths = std::make_unique<DepthMap>(device, body, camera);
         depths->draw(posed.verts, camera);
         const std::vector<float> facing = viewWeights(body, places, posed.verts);
-        const View view = viewOf(*picture, rim);
-        const int w = picture->width, h = picture->height;
+        const int w = camera.width, h = camera.height;
         for (size_t i = 0; i < places.size(); ++i) {
             if (places[i].face < 0 || !(facing[i] > kLeastFacing)) continue;
             double x[3] = {0, 0, 0};
@@ -194,14 +195,16 @@ FirstTexels backProject(Device& device, const BodyModel& body, const Capture& ca
             if (seen == 0 || x[2] > seen + kHidden) continue;
             const int column = static_cast<int>(u), row = static_cast<int>(v);
             const double weight =
-                double{facing[i]} * double{view.weights[static_cast<size_t>(row * w + column)]};
+                double{facing[i]} *
+                double{kWeights[view.weights[static_cast<size_t>(row * w + column)]]};
             if (!(weight > 0)) continue;
             // Bilinear, clamped at the border.
             const double s = std::clamp(u - .5, 0.0, w - 1.0), t = std::clamp(v - .5, 0.0, h - 1.0);
             const int x0 = static_cast<int>(s), y0 = static_cast<int>(t);
             const int x1 = std::min(x0 + 1, w - 1), y1 = std::min(y0 + 1, h - 1);
             auto pixel = [&](int px, int py, size_t c) {
-                return double{view.rgb[static_cast<size_t>(py * w + px) * 3 + c]};
+                const uint8_t colour = view.rgb[static_cast<size_t>(py * w + px) * 3 + c];
+                return double{static_cast<float>(colour) / 255};
             };
             for (size_t c = 0; c < 3; ++c) {
                 const double above = std::lerp(pixel(x0, y0, c), pixel(x1, y0, c), s - x0);
@@ -211,7 +214,15 @@ FirstTexels backProject(Device& device, const BodyModel& body, const Capture& ca
             totals[i] += weight;
         }
         progress.update(static_cast<int64_t>(k) + 1);
-    }
+    };
+    inParallel(
+        mine, [&](size_t k) { return viewOf(*frames.load(frameOf(k)), rim); },
+        [&](size_t k, const View& view) {
+            if (!interrupted()) project(k, view);
+        });
+    stopIfInterrupted(ranks);
+    sumOverRanks(ranks, sums);
+    sumOverRanks(ranks, totals);
     FirstTexels first{std::vector<float>(sums.size()), std::vector<uint8_t>(totals.size())};
     std::vector<uint8_t> known(totals.size());
     for (size_t i = 0; i < totals.size(); ++i) {

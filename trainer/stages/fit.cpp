@@ -8,6 +8,7 @@
 #include "nn/ops/fit.h"
 #include "nn/steps/fit_step.h"
 #include "trainer/data/body_render.h"
+#include "trainer/data/shared_work.h"
 #include "trainer/eval/metrics.h"
 #include "trainer/person/heads.h"
 #include "trainer/stages/training_frames.h"
@@ -94,17 +95,23 @@ bool isVideo(const Capture& capture) {
 }
 
 std::vector<double> silhouetteIous(Device& device, const BodyModel& body, const Capture& capture,
-                                   FrameCache& frames) {
+                                   FrameCache& frames, Ranks* ranks) {
     capture.requireMasks();
     BodyPoser poser(device, body);
     MeshDrawer drawer(device, body);
+    std::vector<size_t> mine;
+    for (size_t i = 0; i < capture.size(); ++i)
+        if (isMine(ranks, i)) mine.push_back(i);
     std::vector<double> ious;
-    for (size_t i = 0; i < capture.size(); ++i) {
-        PosedMesh posed = poser.pose(capture.theta[i], capture.trans[i], capture.betas);
-        ious.push_back(intersectionOverUnion(drawer.mask(posed.verts, capture.frames[i].camera),
-                                             frames.load(i)->mask));
-    }
-    return ious;
+    inParallel(
+        mine.size(), [&](size_t k) { return frames.load(mine[k]); },
+        [&](size_t k, const std::shared_ptr<const Picture>& picture) {
+            const size_t i = mine[k];
+            PosedMesh posed = poser.pose(capture.theta[i], capture.trans[i], capture.betas);
+            ious.push_back(intersectionOverUnion(drawer.mask(posed.verts, capture.frames[i].camera),
+                                                 picture->mask));
+        });
+    return ofAllRanks(ranks, capture.size(), ious);
 }
 
 FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
@@ -112,12 +119,13 @@ FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
     const FitPreset& preset = settings.preset;
     FrameCache cache(capture);
     FitResult result;
-    result.frameIouBefore = silhouetteIous(device, body, capture, cache);
+    result.frameIouBefore = silhouetteIous(device, body, capture, cache, settings.loop.ranks);
     result.iouBefore = mean(result.frameIouBefore);
 
     Capture fitted = capture;
     unwrap(fitted.theta);
-    TrainingFrames frames(device, body, fitted, cache, preset.size, {.margin = kFitMargin});
+    TrainingFrames frames(device, body, fitted, cache, preset.size,
+                          {.margin = kFitMargin, .ranks = settings.loop.ranks});
     FitStart start = fitStart(fitted, settings.fitShape);
     Ranks* sharing = settings.loop.sharing(preset.batch);
     FitStep step(device, body, start, preset,
@@ -178,7 +186,7 @@ FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
     // Outlines and joints turn trunks, do not see faces, and would take the head along. A head that
     // was given on its neck gathers the errors of all joints below and stays there.
     if (capture.source.contains("heads")) aimHeads(body, capture.theta, fitted.theta);
-    result.frameIouAfter = silhouetteIous(device, body, fitted, cache);
+    result.frameIouAfter = silhouetteIous(device, body, fitted, cache, settings.loop.ranks);
     result.iouAfter = mean(result.frameIouAfter);
     capture.betas = fitted.betas;
     capture.theta = fitted.theta;

@@ -31,8 +31,9 @@ bool isVideo(const Capture& capture);
 FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
                      const FitSettings& settings);
 
-// IoU of the body as it is posed with each frame's mask, at the frame's resolution.
+// IoU of the body as it is posed with each frame's mask, at the frame's resolution. Each rank looks
+// at its part of the frames.
 std::vector<double> silhouetteIous(Device& device, const BodyModel& body, const Capture& capture,
-                                   FrameCache& frames);
+                                   FrameCache& frames, Ranks* ranks = nullptr);
 
 }  // namespace doppel

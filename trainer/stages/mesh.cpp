@@ -29,13 +29,14 @@ void trainMesh(Device& device, TrainResult& result, const TrainSettings& setting
     const MeshStep::Sample& first = step.samples.at(0);
     const bool coloured = static_cast<bool>(first.image);
     std::optional<BackgroundPlates> scene;
-    if (coloured) scene.emplace(capture, cache);
+    if (coloured) scene.emplace(capture, cache, settings.ranks);
     TrainingFrames frames(device, avatar.body, capture, cache, preset.size,
                           {.colours = coloured,
                            .memoryBudget = settings.memoryBudget,
                            .edges = static_cast<bool>(first.scale),
                            .rim = coloured ? avatar.preset.texels.rim : 0,
-                           .scene = scene ? &*scene : nullptr});
+                           .scene = scene ? &*scene : nullptr,
+                           .ranks = settings.ranks});
 
     std::vector<double> weights;
     if (preset.balanceHeadings) weights = headingWeights(capture);

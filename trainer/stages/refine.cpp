@@ -42,9 +42,11 @@ void trainRefine(Device& device, TrainResult& result, const TrainSettings& setti
     const RefinePreset& preset = avatar.preset.refine;
     Ranks* sharing = settings.sharing(preset.batch);
     FrameCache cache(capture);
-    TrainingFrames frames(
-        device, avatar.body, capture, cache, preset.size,
-        {.colours = true, .memoryBudget = settings.memoryBudget, .rim = avatar.preset.texels.rim});
+    TrainingFrames frames(device, avatar.body, capture, cache, preset.size,
+                          {.colours = true,
+                           .memoryBudget = settings.memoryBudget,
+                           .rim = avatar.preset.texels.rim,
+                           .ranks = settings.ranks});
 
     // The mesh network is frozen: each frame's mesh is made once. The face is where the head is.
     std::vector<std::vector<float>> verts;

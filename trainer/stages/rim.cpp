@@ -2,23 +2,29 @@
 
 #include <algorithm>
 #include <array>
-#include <memory>
 
 #include "trainer/avatar/background.h"
 #include "trainer/import/chroma_key.h"
 
 namespace doppel {
 
-int rimBeforeScreen(const Capture& capture, FrameCache& frames, int rim) {
+int rimBeforeScreen(const Capture& capture, FrameCache& frames, int rim, Ranks* ranks) {
     constexpr size_t kMostFrames = 16;
     if (rim == 0) return 0;
-    std::vector<std::shared_ptr<const Picture>> pictures;
     const size_t count = std::min(capture.size(), kMostFrames);
-    for (size_t k = 0; k < count; ++k) pictures.push_back(frames.load(k * capture.size() / count));
-    const auto isOfFirstSize = [&](const std::shared_ptr<const Picture>& picture) {
-        return picture->width == pictures[0]->width && picture->height == pictures[0]->height;
-    };
-    return std::ranges::all_of(pictures, isOfFirstSize) && !screenOf(pictures).empty() ? rim : 0;
+    const auto frameOf = [&](size_t k) { return k * capture.size() / count; };
+    const auto cameraOf = [&](size_t k) { return capture.frames[frameOf(k)].camera; };
+    for (size_t k = 1; k < count; ++k)
+        if (cameraOf(k).width != cameraOf(0).width || cameraOf(k).height != cameraOf(0).height)
+            return 0;
+    std::vector<std::vector<uint8_t>> borders;
+    shareWork(
+        ranks, count, [&](size_t k) { return borderOf(*frames.load(frameOf(k))); },
+        [&](size_t, std::span<const uint8_t> border) {
+            borders.emplace_back(border.begin(), border.end());
+        },
+        false);
+    return screenOf(borders).empty() ? 0 : rim;
 }
 
 std::vector<uint8_t> withoutRim(const Picture& picture, int rim, int beyond) {

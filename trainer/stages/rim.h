@@ -7,12 +7,13 @@
 
 #include "trainer/data/capture.h"
 #include "trainer/data/frame_cache.h"
+#include "trainer/data/shared_work.h"
 
 namespace doppel {
 
-// `rim` where a capture's frames (16 are looked at) are before such a screen, else 0: what other
-// backgrounds leave is of many colours, and evens out. The frames need masks.
-int rimBeforeScreen(const Capture& capture, FrameCache& frames, int rim);
+// `rim` where a capture's frames (16 are looked at, of which each rank decodes its part) are before
+// such a screen, else 0: what other backgrounds leave is of many colours, and evens out.
+int rimBeforeScreen(const Capture& capture, FrameCache& frames, int rim, Ranks* ranks = nullptr);
 
 // A picture's colours [H,W,3] in which a mask's outermost `rim` pixels, and so many `beyond` them,
 // are the mean of what is furthest inside of what is near.

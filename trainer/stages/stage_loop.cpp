@@ -39,7 +39,7 @@ void printPlan(const StageLoop& loop) {
     uint64_t elements = 0;
     for (const auto& [name, parameters] : loop.trained) elements += parameters->elements();
     fmt::print(
-        "stage {}: {} steps; {} dispatches; parameters with gradients and moments {:.1f} MiB, "
+        "stage {}: {} steps; {} dispatches; parameters with gradients and moments {:.3f} MiB, "
         "activations {:.1f} MiB planned ({:.1f} MiB without reuse)\n",
         loop.stage, loop.steps, loop.graph->dispatchCount(),
         mib(elements * 4 * Parameters::kSectionCount), mib(loop.graph->temporaryBytes()),

@@ -81,17 +81,19 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
                        preset);
     FrameCache cache(capture);
     std::optional<BackgroundPlates> scene;
-    if (coloured) scene.emplace(capture, cache);
+    if (coloured) scene.emplace(capture, cache, run.loop.ranks);
     const bool profiles = run.loop.profileSteps > 0;
     Ranks* sharing = run.loop.sharing(preset.batch);
-    auto scaleOf = [&](const SurfacePreset& numbers) {
+    auto scaleOf = [&](const SurfacePreset& numbers, bool canStop) {
         TrainingFrames frames(device, body, capture, cache, numbers.size,
                               {.colours = coloured,
                                .margin = kMargin,
                                .memoryBudget = run.memoryBudget,
                                .edges = true,
                                .rim = coloured ? preset.rim : 0,
-                               .scene = scene ? &*scene : nullptr});
+                               .scene = scene ? &*scene : nullptr,
+                               .ranks = run.loop.ranks,
+                               .canStop = canStop});
         return std::make_unique<Scale>(
             std::move(frames), device, body, state, numbers,
             CompileOptions{
@@ -99,7 +101,7 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
     };
     // Coarse to fine: pixels of twice the size reach twice as far, in a quarter of the time.
     const int64_t coarse = profiles ? 0 : std::llround(preset.coarse * preset.steps);
-    std::unique_ptr<Scale> scale = scaleOf(coarse > 0 ? halved(preset) : preset);
+    std::unique_ptr<Scale> scale = scaleOf(coarse > 0 ? halved(preset) : preset, true);
     bool isCoarse = coarse > 0, started = false;
     std::vector<double> lastCoarse;  // losses, asked for when the first fine step is under way
 
@@ -127,7 +129,7 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
         if (isCoarse && i >= coarse) {
             if (started) lastCoarse = scale->step.losses.read(0);
             scale.reset();
-            scale = scaleOf(preset);
+            scale = scaleOf(preset, false);  // the loop keeps a checkpoint first
             isCoarse = false;
         }
         started = true;
@@ -261,8 +263,8 @@ void trainTexels(Device& device, TrainResult& result, const TrainSettings& setti
     const int size = avatar.preset.texture.textureSize;
     result.capture.betas = avatar.betas;
     FrameCache cache(result.capture);
-    FirstTexels first =
-        backProject(device, avatar.body, result.capture, cache, size, avatar.preset.texels.rim);
+    FirstTexels first = backProject(device, avatar.body, result.capture, cache, size,
+                                    avatar.preset.texels.rim, settings.ranks);
     fmt::print(stderr,
                "{:.1f} % of the texture is seen in the frames, {:.1f} % is taken from the body's "
                "other side, {:.1f} % from its surroundings\n",

@@ -5,6 +5,7 @@
 
 #include "trainer/data/capture.h"
 #include "trainer/data/frame_cache.h"
+#include "trainer/data/shared_work.h"
 
 namespace doppel {
 
@@ -12,7 +13,8 @@ namespace doppel {
 // and heading are farthest from those taken before (farthest-point sampling; Gonzalez, Clustering
 // to Minimize the Maximum Intercluster Distance, 1985), or one just before or behind it that shows
 // as much and is sharper. Poses are looked at for all frames, pixels for three of each that is
-// taken.
-std::vector<size_t> tellingFrames(const Capture& capture, FrameCache& cache, size_t most);
+// taken, of which each rank decodes its part.
+std::vector<size_t> tellingFrames(const Capture& capture, FrameCache& cache, size_t most,
+                                  Ranks* ranks = nullptr);
 
 }  // namespace doppel

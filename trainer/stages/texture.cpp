@@ -21,9 +21,11 @@ void trainTexture(Device& device, TrainResult& result, const TrainSettings& sett
     if (!avatar.texels.empty()) preset.lr = preset.lrOver;
     Ranks* sharing = settings.sharing(preset.batch);
     FrameCache cache(capture);
-    TrainingFrames frames(
-        device, avatar.body, capture, cache, preset.size,
-        {.colours = true, .memoryBudget = settings.memoryBudget, .rim = avatar.preset.texels.rim});
+    TrainingFrames frames(device, avatar.body, capture, cache, preset.size,
+                          {.colours = true,
+                           .memoryBudget = settings.memoryBudget,
+                           .rim = avatar.preset.texels.rim,
+                           .ranks = settings.ranks});
 
     // The mesh network is frozen: each frame's mesh is made once.
     std::vector<std::vector<float>> verts;

@@ -1,14 +1,17 @@
 #include "trainer/stages/training_frames.h"
-#include "trainer/stages/rim.h"
 
 #include <zlib.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <numeric>
 
 #include <glm/gtc/quaternion.hpp>
+
+#include "trainer/data/shared_work.h"
+#include "trainer/stages/rim.h"
 
 namespace doppel {
 
@@ -35,11 +38,28 @@ std::vector<uint8_t> deflated(const std::vector<uint8_t>& bytes) {
     return packed;
 }
 
+// What ranks tell each other of a frame beside its crops.
+struct KeptFrame {
+    Camera camera;
+    CropBox box;
+    float maskSum = 0;
+    std::array<uint64_t, 4> sizes{};  // of the crops' bytes, which lie behind it
+};
+
+std::vector<uint8_t> packed(KeptFrame kept, const std::array<std::vector<uint8_t>, 4>& parts) {
+    for (size_t p = 0; p < parts.size(); ++p) kept.sizes[p] = parts[p].size();
+    std::vector<uint8_t> bytes(sizeof(kept));
+    std::memcpy(bytes.data(), &kept, sizeof(kept));
+    for (const std::vector<uint8_t>& part : parts)
+        bytes.insert(bytes.end(), part.begin(), part.end());
+    return bytes;
+}
+
 }  // namespace
 
 TrainingFrames::TrainingFrames(Device& device, const BodyModel& body, const Capture& capture,
                                FrameCache& cache, int size, const TrainingFramesOptions& options)
-    : size_(size) {
+    : size_(size), store_(options.memoryBudget > 0 ? options.memoryBudget : uint64_t{1} << 30) {
     capture.requireMasks();
     uint64_t pixels = static_cast<uint64_t>(size) * static_cast<uint64_t>(size);
     uint64_t channels = 1 + (options.colours ? 3 : 0) + (options.edges ? 1 : 0);
@@ -51,71 +71,100 @@ TrainingFrames::TrainingFrames(Device& device, const BodyModel& body, const Capt
         std::ranges::transform(values, bytes.begin(), toByte);
         return compressed_ ? deflated(bytes) : bytes;
     };
+    // Of the frames that this rank decodes.
+    std::map<size_t, CropBox> boxes;
     BodyPoser poser(device, body);
-    const int rim = rimBeforeScreen(capture, cache, options.rim);
     for (size_t i = 0; i < capture.size(); ++i) {
+        if (!isMine(options.ranks, i)) continue;
         PosedMesh posed = poser.pose(capture.theta[i], capture.trans[i], capture.betas);
         const Frame& frame = capture.frames[i];
-        CropBox box = cropBox(frame.camera, posed.joints, "frame " + frame.name);
+        CropBox& box = boxes[i] = cropBox(frame.camera, posed.joints, "frame " + frame.name);
         box.half *= options.margin;
         if (options.edges && 2 * box.half <= size) box = ownPixels(box, size);
+    }
+    const int rim = rimBeforeScreen(capture, cache, options.rim, options.ranks);
+    auto make = [&](size_t i) {
+        const Camera& camera = capture.frames[i].camera;
+        const CropBox& box = boxes.at(i);
         std::shared_ptr<const Picture> picture = cache.load(i);
+        Crop cut;
         if (rim > 0) {
             Picture clean = *picture;
             clean.rgb = withoutRim(clean, rim);
-            picture = std::make_shared<Picture>(std::move(clean));
+            cut = crop(clean, camera, box, size);
+        } else {
+            cut = crop(*picture, camera, box, size);
         }
-        const Crop cut = crop(*picture, frame.camera, box, size);
-        cameras_.push_back(cut.camera);
-        boxes_.push_back(box);
-        scales_.push_back(std::accumulate(cut.mask.begin(), cut.mask.end(), 0.0f));
-        masks_.push_back(keep(cut.mask));
-        if (options.colours) images_.push_back(keep(cut.image));
-        if (options.edges) insides_.push_back(keep(cut.inside));
-        if (!options.scene) continue;
-        Picture scene = *cache.load(i);
-        std::ranges::transform(options.scene->behind(scene), scene.rgb.begin(), toByte);
-        backgrounds_.push_back(keep(crop(scene, frame.camera, box, size).image));
-    }
+        KeptFrame kept{cut.camera, box, std::accumulate(cut.mask.begin(), cut.mask.end(), 0.0f)};
+        std::array<std::vector<uint8_t>, 4> parts;
+        parts[0] = keep(cut.mask);
+        if (options.colours) parts[1] = keep(cut.image);
+        if (options.edges) parts[2] = keep(cut.inside);
+        if (options.scene) {
+            Picture scene = *picture;
+            options.scene->removePerson(scene);
+            parts[3] = keep(crop(scene, camera, box, size).image);
+        }
+        return packed(kept, parts);
+    };
+    auto take = [&](size_t, std::span<const uint8_t> bytes) {
+        KeptFrame kept;
+        std::memcpy(&kept, bytes.data(), sizeof(kept));
+        cameras_.push_back(kept.camera);
+        boxes_.push_back(kept.box);
+        scales_.push_back(kept.maskSum);
+        bytes = bytes.subspan(sizeof(kept));
+        auto next = [&](size_t part) {
+            const size_t stored = store_.add(bytes.first(kept.sizes[part]));
+            bytes = bytes.subspan(kept.sizes[part]);
+            return stored;
+        };
+        masks_.push_back(next(0));
+        if (options.colours) images_.push_back(next(1));
+        if (options.edges) insides_.push_back(next(2));
+        if (options.scene) backgrounds_.push_back(next(3));
+    };
+    shareWork(options.ranks, capture.size(), make, take, options.canStop);
     std::vector<float> sorted = scales_;  // the masks' sums
     std::ranges::sort(sorted);
     const float least = std::max(1.0f, sorted.empty() ? 0 : sorted[sorted.size() / 2] / 20);
     for (float& scale : scales_) scale = scale < least ? 0 : 1 / scale;
 }
 
-std::vector<float> TrainingFrames::unpack(const std::vector<uint8_t>& bytes, size_t count) const {
-    std::vector<uint8_t> inflated;
+std::vector<float> TrainingFrames::unpack(size_t stored, size_t channels) const {
+    const size_t count = channels * static_cast<size_t>(size_) * static_cast<size_t>(size_);
+    std::vector<uint8_t> bytes = store_.read(stored);
     if (compressed_) {
-        inflated.resize(count);
+        std::vector<uint8_t> inflated(count);
         uLongf size = count;
         int status = uncompress(inflated.data(), &size, bytes.data(), bytes.size());
         CHECK(status == Z_OK && size == count, "a crop is as it was kept");
+        bytes = std::move(inflated);
     }
     std::vector<float> values(count);
-    std::ranges::transform(compressed_ ? inflated : bytes, values.begin(),
+    std::ranges::transform(bytes, values.begin(),
                            [](uint8_t b) { return static_cast<float>(b) / 255.0f; });
     return values;
 }
 
 std::vector<float> TrainingFrames::mask(size_t frame) const {
     if (auto found = ready_.find(frame); found != ready_.end()) return found->second.mask;
-    return unpack(masks_[frame], static_cast<size_t>(size_) * static_cast<size_t>(size_));
+    return unpack(masks_[frame], 1);
 }
 
 std::vector<float> TrainingFrames::image(size_t frame) const {
     if (auto found = ready_.find(frame); found != ready_.end()) return found->second.image;
-    return unpack(images_[frame], 3 * static_cast<size_t>(size_) * static_cast<size_t>(size_));
+    return unpack(images_[frame], 3);
 }
 
 std::vector<float> TrainingFrames::background(size_t frame) const {
     if (auto found = ready_.find(frame); found != ready_.end()) return found->second.background;
-    return unpack(backgrounds_.at(frame),
-                  3 * static_cast<size_t>(size_) * static_cast<size_t>(size_));
+    return unpack(backgrounds_.at(frame), 3);
 }
 
 std::vector<float> TrainingFrames::inside(size_t frame) const {
     if (auto found = ready_.find(frame); found != ready_.end()) return found->second.inside;
-    return unpack(insides_.at(frame), static_cast<size_t>(size_) * static_cast<size_t>(size_));
+    return unpack(insides_.at(frame), 1);
 }
 
 void TrainingFrames::prepare(std::span<const size_t> frames) {
@@ -127,13 +176,6 @@ void TrainingFrames::prepare(std::span<const size_t> frames) {
                   insides_.empty() ? std::vector<float>() : inside(frame)};
         ready_.emplace(frame, std::move(one));
     }
-}
-
-uint64_t TrainingFrames::bytesKept() const {
-    uint64_t bytes = 0;
-    for (const auto* all : {&masks_, &images_, &backgrounds_, &insides_})
-        for (const std::vector<uint8_t>& one : *all) bytes += one.size();
-    return bytes;
 }
 
 FrameSampler::FrameSampler(size_t count, uint64_t seed, std::vector<double> weights)

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "engine/files/byte_store.h"
 #include "nn/body/body.h"
 #include "trainer/avatar/background.h"
 #include "trainer/data/body_render.h"
@@ -16,18 +17,21 @@ namespace doppel {
 struct TrainingFramesOptions {
     bool colours = false;
     double margin = 1;          // of the crops, times the method's box
-    uint64_t memoryBudget = 0;  // see below; 0: 1 GiB
+    uint64_t memoryBudget = 0;  // of what is kept; 0: 1 GiB
     // What comparing edges and colours wants: inside(), and frames that need not shrink cut at
     // their own pixels, for sampled between them they would lose their sharpness.
     bool edges = false;
     int rim = 0;  // pixels of masks' rims that take the inside's colours, before a screen (rim.h)
     const BackgroundPlates* scene = nullptr;  // with it background() is kept as well
+    Ranks* ranks = nullptr;                   // each of which decodes its part of the frames
+    bool canStop = true;                      // Interrupted while they are made
 };
 
 class TrainingFrames {
 public:
-    // Crops around the body in its present poses. Each frame is decoded once; its crop stays in
-    // memory as bytes, compressed without loss where all of them would take more than the budget.
+    // Crops around the body in its present poses. Each frame is decoded once, by one of the ranks;
+    // its crop is kept as bytes, compressed without loss where all of them would take more than the
+    // budget. What takes more even so is put into a file (engine/files/byte_store.h).
     TrainingFrames(Device& device, const BodyModel& body, const Capture& capture, FrameCache& cache,
                    int size, const TrainingFramesOptions& options = {});
 
@@ -49,20 +53,22 @@ public:
     void prepare(std::span<const size_t> frames);
 
     bool compressed() const { return compressed_; }
-    uint64_t bytesKept() const;
+    uint64_t bytesKept() const { return store_.bytesInMemory() + store_.bytesInFile(); }
+    uint64_t bytesInMemory() const { return store_.bytesInMemory(); }
 
 private:
     struct Ready {
         std::vector<float> mask, image, background, inside;
     };
-    std::vector<float> unpack(const std::vector<uint8_t>& bytes, size_t count) const;
+    std::vector<float> unpack(size_t stored, size_t channels) const;
 
     int size_;
     std::vector<Camera> cameras_;
     std::vector<CropBox> boxes_;
     std::vector<float> scales_;
     bool compressed_ = false;
-    std::vector<std::vector<uint8_t>> masks_, images_, backgrounds_, insides_;
+    ByteStore store_;
+    std::vector<size_t> masks_, images_, backgrounds_, insides_;  // a frame's numbers in it
     std::map<size_t, Ready> ready_;
 };
 
