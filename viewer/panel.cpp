@@ -112,7 +112,8 @@ void Viewer::drawViewTab() {
                                   {"body | refined mesh", static_cast<int>(Split::Meshes)},
                                   {"coarse | refined", static_cast<int>(Split::Textures)},
                                   {"this avatar | another", static_cast<int>(Split::Avatars)}};
-    choose("compare", "Two meshes, two textures or two avatars (B).", kSplits, split);
+    choose("compare", keys_.tip("Two meshes, two textures or two avatars", Action::Compare),
+           kSplits, split);
     const bool asks = split == static_cast<int>(Split::Avatars) && !compared_;
     if (!asks) settings_.split = static_cast<Split>(split);
     if (settings_.split != Split::None) {
@@ -123,15 +124,19 @@ void Viewer::drawViewTab() {
     if (asks || (settings_.split == Split::Avatars &&
                  button("another...", "Chooses the avatar that this one is compared with.")))
         attempt([&] { chooseCompared(); });
-    checkbox("wireframe", "The edges of the mesh's faces (W).", settings_.wireframe);
+    checkbox("wireframe", keys_.tip("The edges of the mesh's faces", Action::Wireframe),
+             settings_.wireframe);
     beside("atlas in the corner");
     checkbox("atlas in the corner", "The texture itself, as it lies in UV space.", settings_.atlas);
-    checkbox("joints", "The skeleton, whose joints can be dragged (J).", settings_.joints);
+    checkbox("joints", keys_.tip("The skeleton, whose joints can be dragged", Action::Joints),
+             settings_.joints);
     beside("figures");
     checkbox("figures", "How long pictures take, in the corner.", settings_.figures);
     beside("floor");
-    checkbox("floor", "A grid where the feet stand, the contact shadow and a scale (G).",
-             settings_.floor);
+    checkbox(
+        "floor",
+        keys_.tip("A grid where the feet stand, the contact shadow and a scale", Action::Floor),
+        settings_.floor);
     if (settings_.floor) {
         findFloor();
         if (!floor_) hint("no floor: the feet of this motion stand nowhere");
@@ -145,7 +150,7 @@ void Viewer::drawViewTab() {
     }
 
     ImGui::Separator();
-    checkbox("light", "Lights the surface from one side (L).", settings_.lit);
+    checkbox("light", keys_.tip("Lights the surface from one side", Action::Light), settings_.lit);
     if (settings_.lit) {
         slider("from the side", "Where the light stands, radians around the body.",
                settings_.lightYaw, -std::numbers::pi, std::numbers::pi, "%.2f");
@@ -173,26 +178,29 @@ void Viewer::drawViewTab() {
         hint(capture() ? "seen with the capture's camera only" : "no capture is loaded");
 
     ImGui::Separator();
-    if (button("frame all", "Sees all of the body (Home).")) frameAll();
+    if (button("frame all", keys_.tip("Sees all of the body", Action::FrameAll))) frameAll();
     beside("front");
-    if (button("front", "From the front (1).")) lookFrom(0, 0);
+    if (button("front", keys_.tip("From the front", Action::Front))) lookFrom(0, 0);
     beside("side");
-    if (button("side", "From its left (3).")) lookFrom(std::numbers::pi / 2, 0);
+    if (button("side", keys_.tip("From its left", Action::Left))) lookFrom(std::numbers::pi / 2, 0);
     beside("top");
-    if (button("top", "From above (7).")) lookFrom(orbit_.yaw, 1.55);
-    checkbox("orthographic", "Without perspective (5).", orbit_.orthographic);
+    if (button("top", keys_.tip("From above", Action::Top))) lookFrom(orbit_.yaw, 1.55);
+    checkbox("orthographic", keys_.tip("Without perspective", Action::Orthographic),
+             orbit_.orthographic);
     if (motion() && !motion()->cameras.empty()) {
         beside("capture's camera");
-        checkbox("capture's camera", "As the camera saw each frame (0).", settings_.captureCamera);
+        checkbox("capture's camera",
+                 keys_.tip("As the camera saw each frame", Action::CaptureCamera),
+                 settings_.captureCamera);
     }
     double degrees = orbit_.fieldOfView * kDegrees;
     if (!settings_.captureCamera &&
         slider("field of view", "How much of the height the camera sees, degrees.", degrees, 5, 100,
                "%.0f deg"))
         orbit_.fieldOfView = degrees / kDegrees;
-    if (button("copy camera", "As --camera takes it (Ctrl + Shift + C).")) copyCamera();
+    if (button("copy camera", keys_.tip("As --camera takes it", Action::CopyCamera))) copyCamera();
     beside("paste camera");
-    if (button("paste camera", "A camera that was copied (Ctrl + Shift + V)."))
+    if (button("paste camera", keys_.tip("A camera that was copied", Action::PasteCamera)))
         attempt([&] { pasteCamera(); });
     drawBookmarks();
 
@@ -202,27 +210,30 @@ void Viewer::drawViewTab() {
                                   {"light", static_cast<int>(Theme::Light)}};
     if (choose("theme", "The interface's colours.", kThemes, theme))
         setLook(static_cast<Theme>(theme), uiScale_);
-    if (button("smaller", "Smaller letters (Ctrl + minus)."))
+    if (button("smaller", keys_.tip("Smaller letters", Action::Smaller)))
         setLook(settings_.theme, uiScale_ / 1.1);
     beside("larger");
-    if (button("larger", "Larger letters (Ctrl + plus).")) setLook(settings_.theme, uiScale_ * 1.1);
+    if (button("larger", keys_.tip("Larger letters", Action::Larger)))
+        setLook(settings_.theme, uiScale_ * 1.1);
+    drawKeysControls();
 }
 
 void Viewer::drawPoseTab() {
     PoseEditor& editor = *editor_;
-    if (button("undo", "Takes the last edit back (Ctrl + Z).", editor.canUndo())) undo();
+    if (button("undo", keys_.tip("Takes the last edit back", Action::Undo), editor.canUndo()))
+        undo();
     beside("redo");
-    if (button("redo", "Makes it again (Ctrl + Shift + Z).", editor.canRedo())) redo();
+    if (button("redo", keys_.tip("Makes it again", Action::Redo), editor.canRedo())) redo();
     beside("mirror");
-    if (button("mirror", "Exchanges left and right (M).")) editor.mirror();
+    if (button("mirror", keys_.tip("Exchanges left and right", Action::Mirror))) editor.mirror();
     beside("reset all");
-    if (button("reset all", "The pose as it was (Shift + R).")) editor.resetPose();
-    if (button("copy", "The pose as JSON (Ctrl + C).")) {
+    if (button("reset all", keys_.tip("The pose as it was", Action::ResetPose))) editor.resetPose();
+    if (button("copy", keys_.tip("The pose as JSON", Action::CopyPose))) {
         window_.setClipboard(editor.copy());
         say("pose copied");
     }
     beside("paste");
-    if (button("paste", "A pose that was copied (Ctrl + V)."))
+    if (button("paste", keys_.tip("A pose that was copied", Action::PastePose)))
         attempt([&] { editor.paste(window_.clipboard()); });
     drawKeptPoses();
     if (button("left to right", "The left side's pose, mirrored, on the right."))
@@ -288,12 +299,14 @@ void Viewer::drawPoseTab() {
                 editor.setPose(finished(edited, pose, j));
             }
             if (ended) editor.endGesture();
-            if (button("reset", "This joint as it was (R)."))
+            if (button("reset", keys_.tip("This joint as it was", Action::ResetJoint)))
                 editor.resetJoint(j, editsBothSides(j));
             if (j != joint::kPelvis) {
                 beside("pinned");
                 bool pinned = pins_.contains(j);
-                if (checkbox("pinned", "Stays where it is while others are dragged (P).", pinned)) {
+                if (checkbox("pinned",
+                             keys_.tip("Stays where it is while others are dragged", Action::Pin),
+                             pinned)) {
                     if (pinned)
                         pins_.insert(j);
                     else
@@ -332,7 +345,10 @@ void Viewer::drawShapeTab() {
         editor.resetBetas();
 }
 
-void Viewer::drawFilmControls(bool enabled) {
+namespace {
+
+// The kinds of films, and behind them a folder of pictures.
+const std::vector<std::string>& filmKinds() {
     static const std::vector<std::string> kNames = [] {
         std::vector<std::string> names;
         for (const VideoKind& kind : videoKinds())
@@ -340,11 +356,28 @@ void Viewer::drawFilmControls(bool enabled) {
         names.emplace_back("pictures, PNG");
         return names;
     }();
+    return kNames;
+}
+
+bool isPictures(int kind) { return size_t(kind) >= videoKinds().size(); }
+bool keepsAlpha(int kind) { return isPictures(kind) || videoKinds()[size_t(kind)].keepsAlpha(); }
+
+}  // namespace
+
+void Viewer::startFilmAsSet() {
+    FilmSettings asked = filmSettings_;
+    asked.clear = asked.clear && keepsAlpha(filmKind_);
+    startFilm(isPictures(filmKind_) ? freeName("doppel-frames", "")
+                                    : freeName("doppel", videoKinds()[size_t(filmKind_)].ending),
+              asked);
+}
+
+void Viewer::drawFilmControls(bool enabled) {
     std::vector<Choice> kinds;
-    for (const std::string& name : kNames) kinds.push_back({name.c_str(), number(kinds.size())});
+    for (const std::string& name : filmKinds())
+        kinds.push_back({name.c_str(), number(kinds.size())});
     choose("film as", "The kind of file.", kinds.data(), kinds.size(), filmKind_);
-    const bool files = size_t(filmKind_) >= videoKinds().size();
-    const bool keepsAlpha = files || videoKinds()[size_t(filmKind_)].keepsAlpha();
+    const bool alpha = keepsAlpha(filmKind_);
     constexpr Choice kSizes[] = {{"as in the window", 0}, {"480", 480},   {"720", 720},
                                  {"1080", 1080},          {"1920", 1920}, {"3840", 3840}};
     choose("film size", "Pixels of the longer side.", kSizes, filmSettings_.size);
@@ -357,19 +390,13 @@ void Viewer::drawFilmControls(bool enabled) {
             filmSettings_.first = std::min(filmSettings_.first, last);
         filmSettings_.last = last == end ? -1 : last;
     }
-    ImGui::BeginDisabled(!keepsAlpha);
-    bool clear = filmSettings_.clear && keepsAlpha;
+    ImGui::BeginDisabled(!alpha);
+    bool clear = filmSettings_.clear && alpha;
     if (checkbox("nothing behind", "Transparent, for programs that put something there.", clear))
         filmSettings_.clear = clear;
     ImGui::EndDisabled();
-    if (button("film", "Draws these frames as they are seen.", enabled))
-        attempt([&] {
-            FilmSettings asked = filmSettings_;
-            asked.clear = clear;
-            startFilm(files ? freeName("doppel-frames", "")
-                            : freeName("doppel", videoKinds()[size_t(filmKind_)].ending),
-                      asked);
-        });
+    if (button("film", keys_.tip("Draws these frames as they are seen", Action::Film), enabled))
+        attempt([&] { startFilmAsSet(); });
 }
 
 void Viewer::drawFilesTab() {
@@ -396,14 +423,14 @@ void Viewer::drawFilesTab() {
         attempt([&] { saveAs(std::filesystem::path(pathText_.data())); });
     const bool asks = FileDialog::isThere();
     const char* none = asks ? "" : " It needs zenity or kdialog, which are not installed.";
-    if (button("choose a file", std::string("A motion, a pose or a picture (Ctrl + O).") + none,
+    if (button("choose a file", keys_.tip("A motion, a pose or a picture", Action::Open) + none,
                asks))
         attempt([&] { chooseFile(FileDialog::Asks::File); });
     beside("choose a folder");
     if (button("choose a folder",
-               std::string("An avatar, a capture or poses (Ctrl + Shift + O).") + none, asks))
+               keys_.tip("An avatar, a capture or poses", Action::OpenFolder) + none, asks))
         attempt([&] { chooseFile(FileDialog::Asks::Folder); });
-    if (button("choose where to save", std::string("Poses, .npz (Ctrl + Shift + S).") + none, asks))
+    if (button("choose where to save", keys_.tip("Poses, .npz", Action::SaveAs) + none, asks))
         attempt([&] { chooseNewFile(); });
     if (motion()) {
         words(fmt::format("motion: {}, {} frames at {:.4g} fps", motion()->name, motion()->size(),
@@ -441,10 +468,10 @@ void Viewer::drawFilesTab() {
     if (button("glTF, .glb", "Avatar and motion for other programs.", free))
         attempt([&] { startExport(freeName("doppel", ".glb")); });
     beside("poses, .npz");
-    if (button("poses, .npz", "The motion with what was edited (Ctrl + S).", free))
+    if (button("poses, .npz", keys_.tip("The motion with what was edited", Action::Save), free))
         attempt([&] { save(); });
     beside("picture");
-    if (button("picture", "What is seen now (F12).", free))
+    if (button("picture", keys_.tip("What is seen now", Action::Picture), free))
         attempt([&] { saveScreenshot(freeName("doppel", ".png")); });
     if (film_) {
         ImGui::ProgressBar(filmProgress(), {-1, 0});
@@ -452,7 +479,7 @@ void Viewer::drawFilesTab() {
     }
     if (export_) hint("writing glTF ...");
     if (const SavedFile file = savedFile(); !file.path.empty())
-        hint("Ctrl+S saves in " + file.path.filename().string());
+        hint(keys_.keyOf(Action::Save) + " saves in " + file.path.filename().string());
 
     ImGui::Separator();
     const bool history = ImGui::CollapsingHeader("messages");

@@ -38,6 +38,7 @@ Viewer::Viewer(const ViewerOptions& options)
       device_(options.device),
       library_(options.state.empty() ? fs::path() : options.state / "poses"),
       recovery_(options.state) {
+    openKeys();
     useAvatar(avatar_);
     uiScale_ =
         std::clamp(options.scale.value_or(preferences_.scale), kSmallestScale, kLargestScale);

@@ -22,6 +22,7 @@
 #include "viewer/inspect/inspected.h"
 #include "viewer/inspect/sightings.h"
 #include "viewer/job.h"
+#include "viewer/keys/bindings.h"
 #include "viewer/live_avatar.h"
 #include "viewer/picture/orbit_camera.h"
 #include "viewer/picture/painter.h"
@@ -52,6 +53,7 @@ struct ViewerOptions {
     std::filesystem::path state;
     std::optional<double> scale;  // of the interface; without: as it was chosen before, else 1
     std::optional<Theme> theme;
+    std::string keys;    // "gltf", "blender" or a file (viewer/keys); empty: as chosen before
     std::string camera;  // as cameraText(); empty: all of the body is seen from the front
 };
 
@@ -134,6 +136,7 @@ public:
     // Of the highest point above the floor, metres; nothing where there is no floor.
     std::optional<double> height(MeshKind mesh);
     const Preferences& preferences() const { return preferences_; }
+    const Bindings& keys() const { return keys_; }
     // The point of the surface that was clicked on last while the panel shows the inspector, and,
     // once they are counted, the training frames that show it.
     const std::optional<Inspected>& inspected() const { return inspected_; }
@@ -184,6 +187,7 @@ public:
     void compareWith(const std::filesystem::path& folder);
     void loadPicture(const std::filesystem::path& path);
     void startFilm(const std::filesystem::path& out, const FilmSettings& settings = {});
+    void startFilmAsSet();  // as the panel says
     void startExport(const std::filesystem::path& out);
     void cancelFilm();
     float filmProgress() const;
@@ -191,7 +195,7 @@ public:
     bool working() const { return film_ != nullptr || export_ != nullptr; }
 
 private:
-    enum class Drag { None, Orbit, Pan, Dolly, Joint, Ring, Divider };
+    enum class Drag { None, Click, Orbit, Pan, Dolly, Joint, Ring, Divider };
     using Clock = std::chrono::steady_clock;
 
     // What pictures show.
@@ -320,10 +324,28 @@ private:
     void useTexture(TextureKind kind);
     void updateTextures();
 
-    // interaction.cpp
+    // keys/
     void handleKeys();
+    void perform(Action action, int digit);
+    void cancel();
+    void stepToKey(bool on);
+    void beginModalDrag(Drag drag);
+    bool typesIntoDrag(const Chord& chord);
+    double modalAngle();
+    // A preset or a file from now on; InputError, with nothing changed, where it is neither.
+    void useKeys(const std::string& nameOrFile);
+    void openKeys();
+    std::string keysName() const;
+    void drawKeysControls();
+    void drawHelp();
+
+    // interaction.cpp
+    static int heldModifiers();
+    std::optional<Drag> cameraDrag() const;
+    bool onHandle() const;
+    void turnWheel();
     void handleMouse();
-    void beginJointDrag(size_t joint);
+    void beginJointDrag(size_t joint, const std::string& what = "move ");
     void dragJoint();
     void endDrag();
     void dragRing();
@@ -350,6 +372,7 @@ private:
     // Joints, rings and bones are drawn, and taken by the mouse.
     bool handles() const { return settings_.joints && !inspecting(); }
     std::optional<size_t> jointAt(double x, double y) const;
+    static constexpr int kNoRing = 3;  // the line of sight
     struct RingHit {
         int axis;
         glm::dvec3 direction;  // the axis in the world
@@ -401,7 +424,6 @@ private:
     // panel.cpp
     void drawPanel();
     void drawTimeline();
-    void drawHelp();
     void drawStatus();
     void drawQuestion();
     void drawViewTab();
@@ -498,6 +520,14 @@ private:
     RingHit dragRing_{};
     double dragAsked_ = 0,
            dragTurned_ = 0;  // by the ring, radians: by the mouse, and as limits let
+    // A drag that a key began.
+    struct Modal {
+        std::string typed;                // degrees
+        std::optional<double> direction;  // of the mouse from the joint, radians
+        double turned = 0;                // radians on the picture, clockwise
+    };
+    std::optional<Modal> modal_;
+    Bindings keys_;
 
     // The panel.
     std::string tab_, tabWanted_;  // that is open; that shall be

@@ -34,6 +34,9 @@ void declareFlags(CommandFlags& flags, ViewOptions& o) {
         ->check(CLI::Range(kSmallestScale, kLargestScale));
     flags->add_option("--theme", o.theme, "dark or light; without: as chosen last")
         ->check(CLI::IsMember({"dark", "light"}));
+    flags->add_option("--keys", o.viewer.keys,
+                      "gltf or blender, whose habits keys and mouse have, or a file that says what "
+                      "they do; without: as chosen last");
     const auto setSize = [&o](const std::string& text) {
         int used = 0;
         if (std::sscanf(text.c_str(), "%dx%d%n", &o.viewer.width, &o.viewer.height, &used) != 2 ||
@@ -66,6 +69,7 @@ const Command<ViewOptions> kView{{
             if (!options.theme.empty())
                 viewer.theme = options.theme == "light" ? Theme::Light : Theme::Dark;
             if (!viewer.camera.empty()) readCameraText(viewer.camera);  // before a window opens
+            if (!viewer.keys.empty()) Bindings::named(viewer.keys);
             Viewer(viewer).run();
         },
 }};
