@@ -29,7 +29,6 @@ void Viewer::drawTimeline() {
     ImGui::SetNextWindowPos({0, size.y - height});
     ImGui::SetNextWindowSize({size.x, height});
     ImGui::Begin("timeline", nullptr, kFixed | ImGuiWindowFlags_NoScrollbar);
-    ImGui::BeginDisabled(film_ != nullptr);
     // What a narrow window has no room for: the speed first, then the fade, the clock last.
     const bool wide = size.x >= 760 * unit, wider = size.x >= 960 * unit;
     if (button(playing_ ? "pause" : " play ",
@@ -111,7 +110,6 @@ void Viewer::drawTimeline() {
             {x - 4 * unit, at.y - 4 * unit}, {x + 4 * unit, at.y - 4 * unit}, {x, at.y + 2 * unit},
             IM_COL32(255, 170, 40, 255));
     }
-    ImGui::EndDisabled();
     ImGui::End();
 }
 
@@ -146,8 +144,9 @@ void Viewer::drawStatus() {
     if (painter_->busy()) figures += ", painting the texture ...";
     if (settings_.figures) text(plain, figures);
     if (film_)
-        text(bad, fmt::format("drawing the film: {:.0f} %  ({} gives up)", 100.0 * filmProgress(),
-                              keys_.keyOf(Action::Cancel)));
+        text(plain, fmt::format("film: {:.0f} %, {}{}", 100. * filmProgress(),
+                                film_->out().filename().string(),
+                                leaveAfterFilm_ ? "; then the window closes" : ""));
     if (export_ && window_.closed()) text(bad, "the window closes once the glTF file is written");
     size_t shown = 0;
     for (auto message = messages_.rbegin(); message != messages_.rend() && shown < kMessagesShown;

@@ -142,9 +142,6 @@ void Viewer::pastePose(const fs::path& path) {
 }
 
 void Viewer::openFile(const fs::path& path) {
-    if (film_)
-        throwInput("{}: a film is being drawn; {} gives it up", path.string(),
-                   keys_.keyOf(Action::Cancel));
     if (path.filename() == "avatar.toml") return openAvatar(path.parent_path());
     if (LiveAvatar::isAvatar(path)) return openAvatar(path);
     const std::string extension = endingOf(path);
@@ -311,7 +308,6 @@ void Viewer::afterSaving(const std::string& what, std::function<void()> then) {
 
 void Viewer::askToLeave() {
     afterSaving("What you edited is not saved.", [this] {
-        cancelFilm();
         givenUpVersion_ = editor_->version();
         window_.close();
     });

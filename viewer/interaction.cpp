@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "viewer/overlays.h"
+#include "viewer/pose/ground_contact.h"
 #include "viewer/viewer.h"
 
 namespace doppel {
@@ -155,11 +156,47 @@ void Viewer::dragJoint() {
     if (both)
         targets.push_back({.joint = oppositeJoint(joint),
                            .position = placeAcross(skeleton(), began, joint, goal)});
-    for (size_t pin : pins_)
-        if (pin != joint) targets.push_back(pinnedAt(began, pin));
-    const Pose solved = solveIk(skeleton(), dragBegan_, targets,
-                                {.limits = settings_.limits, .balance = settings_.balance});
+    for (size_t pin : pinsOfDrag(began)) targets.push_back(pinnedAt(began, pin));
+    const Pose solved = solvedAboveFloor(targets, both ? 2 : 1);
     editor_->setPose(both ? mirroredAcross(skeleton(), solved, dragBegan_, joint) : solved);
+}
+
+// The pins, and the feet that stand on the floor where it holds them, but for the leg that is
+// dragged.
+std::set<size_t> Viewer::pinsOfDrag(const PosedSkeleton& began) {
+    std::set<size_t> pins = pins_;
+    if (settings_.holdFeet)
+        if (const std::optional<RigidMotion> floor = worldToFloor())
+            for (size_t ankle : standingAnkles(proportions_, began, *floor)) {
+                const size_t hip = ankle == joint::kLeftAnkle ? joint::kLeftHip : joint::kRightHip;
+                if (!skeleton().hangsOn(*selected_, hip)) pins.insert(ankle);
+            }
+    pins.erase(*selected_);
+    return pins;
+}
+
+// Inverse kinematics from where the drag began. The floor, where it is a limit, lifts the first
+// `dragged` targets by what would be below it.
+Pose Viewer::solvedAboveFloor(std::vector<IkTarget> targets, size_t dragged) {
+    const IkOptions options{.limits = settings_.limits, .balance = settings_.balance};
+    Pose solved = solveIk(skeleton(), dragBegan_, targets, options);
+    const std::optional<RigidMotion> floor = settings_.aboveFloor ? worldToFloor() : std::nullopt;
+    if (!floor) return solved;
+    const auto lowestOf = [&](const Pose& pose) {
+        return lowestPoint(proportions_, forwardKinematics(skeleton(), pose), *floor);
+    };
+    // What was below it before the drag may stay there.
+    const double least = std::min(0., lowestOf(dragBegan_));
+    const glm::dvec3 up = glm::transpose(floor->rotation) * glm::dvec3(0, 1, 0);
+    constexpr int kMostLifts = 6;
+    constexpr double kClose = 5e-4;  // metres
+    for (int i = 0; i < kMostLifts; ++i) {
+        const double below = least - lowestOf(solved);
+        if (below < kClose) break;
+        for (size_t k = 0; k < dragged; ++k) targets[k].position += below * up;
+        solved = solveIk(skeleton(), dragBegan_, targets, options);
+    }
+    return solved;
 }
 
 bool Viewer::editsBothSides(size_t joint) const {
@@ -257,7 +294,7 @@ void Viewer::handleMouse() {
     glm::dvec2 moved = mouse_ - before;
     if (drag_ == Drag::None) {
         hovered_.reset();
-        if (io.WantCaptureMouse || film_ || question_) return;
+        if (io.WantCaptureMouse || question_) return;
         hovered_ = jointAt(mouse_.x, mouse_.y);
         const Pane* pane = paneAt(mouse_.x, mouse_.y);
         if (!pane) return;

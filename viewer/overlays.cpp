@@ -46,7 +46,6 @@ void Viewer::drawOverlays() {
                            1.5f * unit);
         }
     }
-    if (film_) return;
     if (settings_.floor)
         for (const Pane& pane : panes_)
             if (!pane.other) drawHeight(pane);

@@ -7,7 +7,6 @@
 #include <numbers>
 
 #include "engine/error.h"
-#include "engine/io/films/kinds.h"
 #include "viewer/viewer.h"
 #include "viewer/widgets.h"
 
@@ -47,23 +46,19 @@ void Viewer::drawPanel() {
     // Labels stand to the right of what they name.
     ImGui::PushItemWidth(-ImGui::CalcTextSize("field of view  ").x);
     if (ImGui::BeginTabBar("tabs")) {
-        const bool filming = film_ != nullptr;
-        const auto drawTab = [&](const char* label, bool enabled, void (Viewer::*draw)()) {
+        const auto drawTab = [&](const char* label, void (Viewer::*draw)()) {
             const bool show = tabWanted_ == label;
             if (show) tabWanted_.clear();
             if (!tab(label, show)) return;
             tab_ = label;
-            ImGui::BeginDisabled(!enabled);
             (this->*draw)();
-            ImGui::EndDisabled();
             ImGui::EndTabItem();
         };
-        // A film shows what there was when it was begun.
-        drawTab("View", !filming, &Viewer::drawViewTab);
-        drawTab("Pose", !filming, &Viewer::drawPoseTab);
-        drawTab("Shape", !filming, &Viewer::drawShapeTab);
-        drawTab(kInspectTab, !filming, &Viewer::drawInspectTab);
-        drawTab("Files", true, &Viewer::drawFilesTab);
+        drawTab("View", &Viewer::drawViewTab);
+        drawTab("Pose", &Viewer::drawPoseTab);
+        drawTab("Shape", &Viewer::drawShapeTab);
+        drawTab(kInspectTab, &Viewer::drawInspectTab);
+        drawTab("Files", &Viewer::drawFilesTab);
         ImGui::EndTabBar();
     }
     ImGui::PopItemWidth();
@@ -248,6 +243,17 @@ void Viewer::drawPoseTab() {
     beside("balance over pins");
     checkbox("balance over pins", "Keeps the body over its pinned feet while it is dragged.",
              settings_.balance);
+    beside("feet hold to the floor");
+    checkbox("feet hold to the floor",
+             "Feet that stand on the floor stay there while the body or a hand is dragged.",
+             settings_.holdFeet);
+    beside("nothing below the floor");
+    checkbox("nothing below the floor", "What is dragged stops at the floor.",
+             settings_.aboveFloor);
+    if (settings_.holdFeet || settings_.aboveFloor) {
+        findFloor();
+        if (!floor_) hint("no floor: the feet of this motion stand nowhere");
+    }
     constexpr Choice kAxes[] = {{"the joint's own", static_cast<int>(RingAxes::Own)},
                                 {"its parent's", static_cast<int>(RingAxes::Parents)},
                                 {"the view's", static_cast<int>(RingAxes::Views)}};
@@ -273,7 +279,13 @@ void Viewer::drawPoseTab() {
     ImGui::Separator();
     hint("degrees about the joint's own axes");
     ImGui::BeginChild("joints");
-    for (size_t j = 0; j < joint::kCount; ++j) {
+    std::optional<Limb> limbNow;
+    for (size_t j : jointsByLimb()) {
+        // Trunk and head first, then limb by limb.
+        if (const std::optional<Limb> limb = limbOfTree(j); limb != limbNow) {
+            limbNow = limb;
+            ImGui::Separator();
+        }
         ImGui::PushID(number(j));
         bool open = selected_ == j;
         std::string name = shown(jointName(j)) + (pins_.contains(j) ? "  [pinned]" : "");
@@ -345,62 +357,7 @@ void Viewer::drawShapeTab() {
         editor.resetBetas();
 }
 
-namespace {
-
-// The kinds of films, and behind them a folder of pictures.
-const std::vector<std::string>& filmKinds() {
-    static const std::vector<std::string> kNames = [] {
-        std::vector<std::string> names;
-        for (const VideoKind& kind : videoKinds())
-            names.push_back(fmt::format("{}, {}", kind.ending, kind.codec));
-        names.emplace_back("pictures, PNG");
-        return names;
-    }();
-    return kNames;
-}
-
-bool isPictures(int kind) { return size_t(kind) >= videoKinds().size(); }
-bool keepsAlpha(int kind) { return isPictures(kind) || videoKinds()[size_t(kind)].keepsAlpha(); }
-
-}  // namespace
-
-void Viewer::startFilmAsSet() {
-    FilmSettings asked = filmSettings_;
-    asked.clear = asked.clear && keepsAlpha(filmKind_);
-    startFilm(isPictures(filmKind_) ? freeName("doppel-frames", "")
-                                    : freeName("doppel", videoKinds()[size_t(filmKind_)].ending),
-              asked);
-}
-
-void Viewer::drawFilmControls(bool enabled) {
-    std::vector<Choice> kinds;
-    for (const std::string& name : filmKinds())
-        kinds.push_back({name.c_str(), number(kinds.size())});
-    choose("film as", "The kind of file.", kinds.data(), kinds.size(), filmKind_);
-    const bool alpha = keepsAlpha(filmKind_);
-    constexpr Choice kSizes[] = {{"as in the window", 0}, {"480", 480},   {"720", 720},
-                                 {"1080", 1080},          {"1920", 1920}, {"3840", 3840}};
-    choose("film size", "Pixels of the longer side.", kSizes, filmSettings_.size);
-    if (const int end = int(frameCount()) - 1; end > 0) {
-        int first = std::min(filmSettings_.first, end),
-            last = filmSettings_.last < 0 ? end : std::min(filmSettings_.last, end);
-        if (slider("first frame", "Of the film.", first, 0, end, "%d"))
-            filmSettings_.first = first, last = std::max(first, last);
-        if (slider("last frame", "Of the film, which has it too.", last, 0, end, "%d"))
-            filmSettings_.first = std::min(filmSettings_.first, last);
-        filmSettings_.last = last == end ? -1 : last;
-    }
-    ImGui::BeginDisabled(!alpha);
-    bool clear = filmSettings_.clear && alpha;
-    if (checkbox("nothing behind", "Transparent, for programs that put something there.", clear))
-        filmSettings_.clear = clear;
-    ImGui::EndDisabled();
-    if (button("film", keys_.tip("Draws these frames as they are seen", Action::Film), enabled))
-        attempt([&] { startFilmAsSet(); });
-}
-
 void Viewer::drawFilesTab() {
-    ImGui::BeginDisabled(film_ != nullptr);
     words(
         "Drop an avatar, a capture, a motion, a pose's .json or a picture on the window, or name "
         "it:");
@@ -457,26 +414,21 @@ void Viewer::drawFilesTab() {
         }
         if (!chosen.empty()) attempt([&] { openFile(chosen); });
     }
-    ImGui::EndDisabled();
 
     ImGui::Separator();
     words(
         "Written into the folder that the viewer was started in; nothing that is there is "
         "overwritten.");
-    const bool free = !working();
-    drawFilmControls(free);
+    drawFilmControls(!film_);
+    const bool free = !export_;
     if (button("glTF, .glb", "Avatar and motion for other programs.", free))
         attempt([&] { startExport(freeName("doppel", ".glb")); });
     beside("poses, .npz");
-    if (button("poses, .npz", keys_.tip("The motion with what was edited", Action::Save), free))
+    if (button("poses, .npz", keys_.tip("The motion with what was edited", Action::Save)))
         attempt([&] { save(); });
     beside("picture");
-    if (button("picture", keys_.tip("What is seen now", Action::Picture), free))
+    if (button("picture", keys_.tip("What is seen now", Action::Picture)))
         attempt([&] { saveScreenshot(freeName("doppel", ".png")); });
-    if (film_) {
-        ImGui::ProgressBar(filmProgress(), {-1, 0});
-        if (button("give up", "Ends the film; nothing of it is left.")) cancelFilm();
-    }
     if (export_) hint("writing glTF ...");
     if (const SavedFile file = savedFile(); !file.path.empty())
         hint(keys_.keyOf(Action::Save) + " saves in " + file.path.filename().string());

@@ -2,6 +2,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "viewer/picture/backdrop.h"
+#include "viewer/picture/floor.h"
 #include "viewer/viewer.h"
 
 namespace doppel {
@@ -73,17 +75,17 @@ ViewTransform Viewer::view() const {
 
 // Of a part of a view: the view's, without the pixels beside the part.
 Camera Viewer::cameraOf(const Pane& pane) const {
-    Camera camera = viewCameraOf(pane);
+    Camera camera = viewCameraOf(pane, timeline_);
     camera.cx -= pane.x - pane.viewX;
     camera.width = pane.width;
     return camera;
 }
 
-Camera Viewer::viewCameraOf(const Pane& pane) const {
+Camera Viewer::viewCameraOf(const Pane& pane, double time) const {
     if (!settings_.captureCamera || !motion() || motion()->cameras.empty())
         return orbit_.camera(pane.viewWidth, pane.height);
-    auto i = static_cast<size_t>(
-        std::clamp<int64_t>(static_cast<int64_t>(timeline_), 0, frameCount() - 1));
+    auto i =
+        static_cast<size_t>(std::clamp<int64_t>(static_cast<int64_t>(time), 0, frameCount() - 1));
     // The whole frame, as large as the pane allows.
     const Camera& own = motion()->cameras[i];
     double scale = std::min(static_cast<double>(pane.viewWidth) / own.width,
@@ -129,46 +131,15 @@ std::span<const uint32_t> Viewer::backgroundOf(Pane pane) {
                                picture ? static_cast<int64_t>(backdropVersion_) : -1};
     if (key == backgroundKey_) return background_;
     backgroundKey_ = key;
-    background_.assign(static_cast<size_t>(pane.width) * static_cast<size_t>(pane.height),
-                       packed(colour));
-    auto place = [&](const Image& image, int left, int top) {
-        for (int y = std::max(0, top); y < std::min(pane.height, top + image.height); ++y)
-            for (int x = std::max(0, left); x < std::min(pane.width, left + image.width); ++x) {
-                const uint8_t* rgb = image.pixel(x - left, y - top);
-                background_[static_cast<size_t>(y) * static_cast<size_t>(pane.width) +
-                            static_cast<size_t>(x)] = packed({rgb[0], rgb[1], rgb[2]});
-            }
-    };
     std::shared_ptr<const Picture> own;
     try {
         if (frames) own = capture()->frames->load(static_cast<size_t>(frame));
     } catch (const std::exception& error) {
-        // The window goes on without it; a film with a hole would be no film.
-        if (film_) {
-            backgroundKey_.fill(-1);
-            throw;
-        }
         if (message() != error.what()) say(error.what(), true);
     }
-    if (own) {
-        Image image(own->width, own->height, 3);
-        image.data = own->rgb;
-        double scale = std::min(static_cast<double>(pane.width) / own->width,
-                                static_cast<double>(pane.height) / own->height);
-        int width = std::max(1, static_cast<int>(std::lround(own->width * scale)));
-        int height = std::max(1, static_cast<int>(std::lround(own->height * scale)));
-        place(resize(image, width, height),
-              static_cast<int>(std::lround((pane.width - own->width * scale) / 2)),
-              static_cast<int>(std::lround((pane.height - own->height * scale) / 2)));
-    } else if (picture) {
-        // It covers the pane.
-        double scale = std::max(static_cast<double>(pane.width) / backdropPicture_.width,
-                                static_cast<double>(pane.height) / backdropPicture_.height);
-        int width = std::max(pane.width, static_cast<int>(backdropPicture_.width * scale));
-        int height = std::max(pane.height, static_cast<int>(backdropPicture_.height * scale));
-        place(resize(backdropPicture_, width, height), (pane.width - width) / 2,
-              (pane.height - height) / 2);
-    }
+    background_ =
+        backdropPixels(pane.width, pane.height,
+                       {settings_.colour, picture ? &backdropPicture_ : nullptr, own.get()});
     return background_;
 }
 
@@ -186,14 +157,19 @@ std::span<const uint32_t> Viewer::behind(const Pane& pane) {
         background = part;
     }
     Behind now{editor_->pose(), editor_->betas(), pane, cameraOf(pane),
-               view(),          backgroundKey_,   {},   ghosts()};
+               view(),          backgroundKey_,   {},   ghosts(timeline_)};
     if (settings_.floor) now.floor = worldToFloor();
     if (!now.floor && now.ghosts.empty()) return background;
     auto& [drawn, pixels] = behind_[pane.x];
     if (drawn == now && pixels.size() == background.size()) return pixels;
     pixels.assign(background.begin(), background.end());
-    if (now.floor) drawFloor(*now.floor, pane, pixels);
-    drawGhosts(now.ghosts, pane, pixels);
+    if (now.floor)
+        drawFloor(pixels, now.camera, now.view, *now.floor, posed().position[joint::kPelvis],
+                  floorLine(), scene_->vertices(pane.mesh, now.view), avatar_->avatar.body.faces);
+    if (!now.ghosts.empty()) {
+        drawGhosts(*scene_, now.ghosts, now.betas, now.camera, now.view, pixels);
+        scene_->setPose(thetaOf(now.pose), transOf(now.pose), now.betas);
+    }
     drawn = std::move(now);
     return pixels;
 }
@@ -228,7 +204,7 @@ void Viewer::setPoses(const Shown& now) {
 
 // Whether the picture becomes finer: the mouse rests, and there is something to be gained.
 bool Viewer::refines() const {
-    return shown_ && !panes_.empty() && !film_ && !interacting() && refinements_ < kRefinements;
+    return shown_ && !panes_.empty() && !interacting() && refinements_ < kRefinements;
 }
 
 void Viewer::updatePictures() {
@@ -243,7 +219,7 @@ void Viewer::updatePictures() {
     if (!sameView) ++viewVersion_;
     if (shown_ && *shown_ == now) {
         if (!refines()) return;
-        // A film that was given up may have left another.
+        // Ghosts may have left another.
         setPoses(now);
         for (size_t i = 0; i < panes_.size(); ++i) {
             const Pane& pane = panes_[i];
@@ -295,7 +271,7 @@ void Viewer::updateTextures() {
         ++textureVersion_;
         framesToDraw_ = std::max(framesToDraw_, 1);
     }
-    if (film_ || panes_.empty() || painter_->busy() || !shown_) return;
+    if (panes_.empty() || painter_->busy() || !shown_) return;
     if (interacting() && paintSeconds_ > kFastPainter) return;
     for (const Pane& pane : panes_) {
         if (pane.other || !paintsViews(pane.texture) || settings_.paint != kPaintTexture) continue;

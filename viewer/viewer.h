@@ -19,6 +19,8 @@
 #include "trainer/motion/motion.h"
 #include "trainer/motion/retarget/retarget.h"
 #include "viewer/compare/compared.h"
+#include "viewer/films/film_plan.h"
+#include "viewer/films/film_thread.h"
 #include "viewer/inspect/inspected.h"
 #include "viewer/inspect/sightings.h"
 #include "viewer/job.h"
@@ -84,6 +86,8 @@ struct ViewSettings {
     bool floor = false;
     int ghosts = 0, ghostSpacing = 5;  // to each side; frames
     bool joints = true, limits = true, balance = true;
+    bool holdFeet = false;    // the floor holds feet that stand on it while something is dragged
+    bool aboveFloor = false;  // nothing is dragged below the floor
     RingAxes ringAxes = RingAxes::Own;
     bool symmetric = false;         // what is done to one side is done to the other
     std::array<bool, kLimbs> fk{};  // drags turn one bone of that Limb, and not all of it
@@ -92,8 +96,6 @@ struct ViewSettings {
     Theme theme = Theme::Dark;
     bool operator==(const ViewSettings&) const = default;
 };
-
-struct ExportJob;  // job.h
 
 class Viewer {
 public:
@@ -192,7 +194,7 @@ public:
     void cancelFilm();
     float filmProgress() const;
     void saveScreenshot(const std::filesystem::path& path);
-    bool working() const { return film_ != nullptr || export_ != nullptr; }
+    bool working() const { return film_ || export_; }
 
 private:
     enum class Drag { None, Click, Orbit, Pan, Dolly, Joint, Ring, Divider };
@@ -228,13 +230,6 @@ private:
     struct SavedFile {
         std::filesystem::path path;
         std::filesystem::file_time_type time{};
-    };
-    // The body in a frame near the one that is shown.
-    struct Ghost {
-        Pose pose;
-        std::array<double, 3> tint{};
-        double opacity = 0;
-        bool operator==(const Ghost&) const = default;
     };
     struct Message {
         std::string text;
@@ -276,6 +271,7 @@ private:
     void say(std::string text, bool wrong = false);
     void attempt(const std::function<void()>& action);
     bool interacting() const;
+    bool quiet() const;  // nothing is to be drawn but what jobs bring
     void undo();
     void redo();
 
@@ -307,9 +303,15 @@ private:
 
     // jobs.cpp
     void advanceJobs();
-    void advanceFilm();
-    void endFilm();
     Motion shownMotion() const;
+
+    // films/filming.cpp
+    void advanceFilm();
+    void askToGiveFilmUp();
+    void askToLeaveFilm();
+    std::optional<PlacedPicture> filmPreview();
+    void drawFilmPreview(const PlacedPicture& at) const;
+    void drawFilmControls(bool enabled);
 
     // pictures.cpp
     void layOut();
@@ -357,7 +359,7 @@ private:
     void lookFrom(double yaw, double pitch);
     const Pane* paneAt(double x, double y) const;
     Scene& sceneOf(const Pane& pane);
-    Camera viewCameraOf(const Pane& pane) const;
+    Camera viewCameraOf(const Pane& pane, double time) const;
     void setPoses(const Shown& now);
     void chooseCompared();
     void nextSplit();
@@ -382,6 +384,8 @@ private:
     std::vector<glm::dvec2> ring(int axis, const Pane& pane) const;
     // The selected joint's, as columns in the world.
     glm::dmat3 ringAxes(const PosedSkeleton& body) const;
+    std::set<size_t> pinsOfDrag(const PosedSkeleton& began);
+    Pose solvedAboveFloor(std::vector<IkTarget> targets, size_t dragged);
     // Whether what is done to this joint is done to the one across, which no pin holds.
     bool editsBothSides(size_t joint) const;
     // What an edit of the joint makes of `began`: within limits, on both sides.
@@ -403,15 +407,14 @@ private:
 
     // floor.cpp
     void findFloor();
-    std::optional<RigidMotion> worldToFloor();
-    void drawFloor(const RigidMotion& floor, const Pane& pane, std::vector<uint32_t>& pixels);
+    std::optional<RigidMotion> worldToFloor() { return worldToFloor(timeline_); }
+    std::optional<RigidMotion> worldToFloor(double time);
+    double floorLine() const { return 1.2 * window_.unit() * window_.scale(); }  // pixels
     void drawHeight(const Pane& pane);
 
     // ghosts.cpp
-    // Those that are to be seen now, the furthest first.
-    std::vector<Ghost> ghosts() const;
-    void drawGhosts(const std::vector<Ghost>& ghosts, const Pane& pane,
-                    std::vector<uint32_t>& pixels);
+    // Those of the timeline's `time`, the furthest first.
+    std::vector<Ghost> ghosts(double time) const;
 
     // legend.cpp
     void drawLegend();
@@ -431,7 +434,6 @@ private:
     void drawKeptPoses();
     void drawShapeTab();
     void drawFilesTab();
-    void drawFilmControls(bool enabled);
 
     ViewerOptions options_;
     LiveAvatar source_;
@@ -484,6 +486,7 @@ private:
     };
     std::optional<FloorOf> floorOf_;  // that is known
     std::optional<RigidMotion> floor_;
+    Proportions proportions_;  // of the body that it was found for
     // What is behind the avatar besides the background, and what that was drawn of.
     struct Behind {
         Pose pose;
@@ -545,9 +548,12 @@ private:
     Searched searched_;
 
     // Long jobs.
-    std::unique_ptr<FilmJob> film_;
-    FilmSettings filmSettings_;  // of the panel
-    int filmKind_ = 0;           // of videoKinds(), and behind them a folder of pictures
+    std::unique_ptr<FilmThread> film_;
+    bool leaveAfterFilm_ = false;       // the window closes once it has ended
+    Image filmPicture_;                 // that was drawn last
+    std::vector<uint32_t> filmPixels_;  // of it, as the window shows them
+    FilmSettings filmSettings_;         // of the panel
+    int filmKind_ = 0;                  // of videoKinds(), and behind them a folder of pictures
     std::unique_ptr<ExportJob> export_;
     std::array<char, 512> pathText_{};
 

@@ -72,7 +72,7 @@ std::pair<std::string, std::string> Viewer::splitNames() const {
 }
 
 void Viewer::followCompared() {
-    if (film_ || !compared_ || !compared_->reload()) return;
+    if (!compared_ || !compared_->reload()) return;
     ++comparedVersion_;
     say("what is compared with has changed on disk");
 }

@@ -34,7 +34,7 @@ void Viewer::handleKeys() {
         const Chord chord = chordOf(press.key, press.modifiers);
         if (typesIntoDrag(chord)) continue;
         const std::optional<Action> action = keys_.actionOf(chord);
-        if (!action || (film_ && *action != Action::Cancel && *action != Action::Help)) continue;
+        if (!action) continue;
         attempt([&] { perform(*action, chord.code - '0'); });
         lastTouched_ = Clock::now();
     }
@@ -187,12 +187,12 @@ void Viewer::cancel() {
     if (drag_ == Drag::Joint || drag_ == Drag::Ring) {
         editor_->cancelGesture();
         endDrag();
-    } else if (film_) {
-        cancelFilm();
-    } else {
+    } else if (selected_ || inspected_ || settings_.help) {
         selected_.reset();
         inspected_.reset();
         settings_.help = false;
+    } else if (film_) {
+        askToGiveFilmUp();
     }
 }
 

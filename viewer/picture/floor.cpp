@@ -78,4 +78,15 @@ void paintFloor(std::span<uint32_t> picture, const Camera& camera, const ToFloor
         }
 }
 
+void drawFloor(std::span<uint32_t> picture, const Camera& camera, const ViewTransform& view,
+               const RigidMotion& toFloor, const glm::dvec3& pelvis, double line,
+               std::span<const float> verts, std::span<const int32_t> faces) {
+    ToFloor seen;
+    seen.rotation = toFloor.rotation * glm::transpose(view.rotation);
+    seen.translation = toFloor.translation - seen.rotation * view.translation;
+    const glm::dvec3 centre = toFloor.rotation * pelvis + toFloor.translation;
+    paintFloor(picture, camera, seen, {centre.x, centre.z}, line,
+               contactShadow(verts, faces, asGround(seen), camera));
+}
+
 }  // namespace doppel

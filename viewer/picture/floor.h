@@ -8,6 +8,7 @@
 #include "trainer/avatar/films/contact_shadow.h"
 #include "trainer/data/camera.h"
 #include "trainer/data/pose.h"
+#include "viewer/picture/scene.h"
 
 namespace doppel {
 
@@ -22,5 +23,11 @@ Ground asGround(const ToFloor& toFloor);
 // is below the floor, for it would hide the body.
 void paintFloor(std::span<uint32_t> picture, const Camera& camera, const ToFloor& toFloor,
                 const glm::dvec2& centre, double line, std::span<const float> shadow);
+
+// Both for a body: from its poses' world `toFloor`, its pelvis there, and its vertices [V,3] in
+// camera space.
+void drawFloor(std::span<uint32_t> picture, const Camera& camera, const ViewTransform& view,
+               const RigidMotion& toFloor, const glm::dvec3& pelvis, double line,
+               std::span<const float> verts, std::span<const int32_t> faces);
 
 }  // namespace doppel
