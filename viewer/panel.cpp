@@ -106,19 +106,18 @@ void Viewer::drawViewTab() {
     constexpr Choice kSplits[] = {{"off", static_cast<int>(Split::None)},
                                   {"body | refined mesh", static_cast<int>(Split::Meshes)},
                                   {"coarse | refined", static_cast<int>(Split::Textures)},
-                                  {"this avatar | another", static_cast<int>(Split::Avatars)}};
-    choose("compare", keys_.tip("Two meshes, two textures or two avatars", Action::Compare),
-           kSplits, split);
-    const bool asks = split == static_cast<int>(Split::Avatars) && !compared_;
+                                  {"this avatar | others", static_cast<int>(Split::Avatars)},
+                                  {"all in one scene", static_cast<int>(Split::Together)}};
+    choose("compare", keys_.tip("Two meshes, two textures, or avatars", Action::Compare), kSplits,
+           split);
+    const bool people = split >= static_cast<int>(Split::Avatars), asks = people && others_.empty();
     if (!asks) settings_.split = static_cast<Split>(split);
-    if (settings_.split != Split::None) {
+    if (asks) attempt([&] { chooseCompared(); });
+    const bool two = settings_.split != Split::Avatars || others_.size() == 1;
+    if (settings_.split != Split::None && settings_.split != Split::Together && two)
         checkbox("in one picture", "Divided by a line that can be dragged; else side by side.",
                  settings_.divided);
-        if (settings_.split == Split::Avatars) beside("another...");
-    }
-    if (asks || (settings_.split == Split::Avatars &&
-                 button("another...", "Chooses the avatar that this one is compared with.")))
-        attempt([&] { chooseCompared(); });
+    if (settings_.split >= Split::Avatars) drawCompanyControls();
     checkbox("wireframe", keys_.tip("The edges of the mesh's faces", Action::Wireframe),
              settings_.wireframe);
     beside("atlas in the corner");
@@ -210,7 +209,9 @@ void Viewer::drawViewTab() {
     beside("larger");
     if (button("larger", keys_.tip("Larger letters", Action::Larger)))
         setLook(settings_.theme, uiScale_ * 1.1);
-    drawKeysControls();
+    beside("keys...");
+    if (button("keys...", keys_.tip("Lists the keys, and chooses others", Action::Help)))
+        settings_.help = true;
 }
 
 void Viewer::drawPoseTab() {
@@ -278,7 +279,9 @@ void Viewer::drawPoseTab() {
 
     ImGui::Separator();
     hint("degrees about the joint's own axes");
-    ImGui::BeginChild("joints");
+    // In a low window the panel scrolls, and not a list of one line.
+    ImGui::BeginChild("joints", {0, std::max(ImGui::GetContentRegionAvail().y,
+                                             8 * ImGui::GetTextLineHeightWithSpacing())});
     std::optional<Limb> limbNow;
     for (size_t j : jointsByLimb()) {
         // Trunk and head first, then limb by limb.

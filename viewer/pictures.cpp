@@ -35,10 +35,21 @@ void Viewer::layOut() {
     int height = window_.height() - static_cast<int>(timelineHeight() * scale);
     panes_.clear();
     if (width < 16 || height < 16) return;
-    Pane whole{0, 0, width, height, 0, width, false, settings_.mesh, settings_.texture};
-    if (settings_.split == Split::Avatars && !compared_) settings_.split = Split::None;
-    if (settings_.split == Split::None) {
+    Pane whole{0, 0, width, height, 0, width, 0, settings_.mesh, settings_.texture};
+    if (settings_.split >= Split::Avatars && others_.empty()) settings_.split = Split::None;
+    if (settings_.split == Split::None || settings_.split == Split::Together) {
         panes_ = {whole};
+        return;
+    }
+    if (settings_.split == Split::Avatars && others_.size() > 1) {
+        const auto count = static_cast<int>(others_.size()) + 1;
+        whole.width = whole.viewWidth = std::max(1, width / count);
+        for (int i = 0; i < count; ++i) {
+            panes_.push_back(whole);
+            panes_.back().x = panes_.back().viewX = i * whole.width;
+            panes_.back().other = i;
+            if (i > 0) panes_.back().mesh = others_[static_cast<size_t>(i) - 1].mesh(whole.mesh);
+        }
         return;
     }
     constexpr int kLeast = 16;  // pixels of each part
@@ -63,8 +74,8 @@ void Viewer::layOut() {
         left.texture = TextureKind::Coarse;
         right.texture = bestTexture();
     } else {
-        right.other = true;
-        right.mesh = compared_->mesh(whole.mesh);
+        right.other = 1;
+        right.mesh = others_[0].mesh(whole.mesh);
     }
     panes_ = {left, right};
 }
@@ -159,19 +170,38 @@ std::span<const uint32_t> Viewer::behind(const Pane& pane) {
     Behind now{editor_->pose(), editor_->betas(), pane, cameraOf(pane),
                view(),          backgroundKey_,   {},   ghosts(timeline_)};
     if (settings_.floor) now.floor = worldToFloor();
+    now.others = others_.version();
+    if (settings_.split == Split::Together) now.apart = settings_.apart;
     if (!now.floor && now.ghosts.empty()) return background;
     auto& [drawn, pixels] = behind_[pane.x];
     if (drawn == now && pixels.size() == background.size()) return pixels;
     pixels.assign(background.begin(), background.end());
-    if (now.floor)
+    if (now.floor) {
+        std::vector<FloorBody> bodies{
+            {scene_->vertices(pane.mesh, now.view), avatar_->avatar.body.faces}};
+        for (size_t i = 0; now.apart && i < others_.size(); ++i)
+            bodies.push_back({others_[i].scene().vertices(others_[i].mesh(pane.mesh), now.view),
+                              others_[i].avatar().body.faces});
         drawFloor(pixels, now.camera, now.view, *now.floor, posed().position[joint::kPelvis],
-                  floorLine(), scene_->vertices(pane.mesh, now.view), avatar_->avatar.body.faces);
+                  floorLine(), bodies);
+    }
     if (!now.ghosts.empty()) {
         drawGhosts(*scene_, now.ghosts, now.betas, now.camera, now.view, pixels);
         scene_->setPose(thetaOf(now.pose), transOf(now.pose), now.betas);
     }
     drawn = std::move(now);
     return pixels;
+}
+
+// With the others of a row as well, and how far away they are; no depths without.
+std::span<const uint32_t> Viewer::behind(const Pane& pane, std::optional<int> refinement,
+                                         std::vector<float>& depths) {
+    const std::span<const uint32_t> background = behind(pane);
+    if (settings_.split != Split::Together) return background;
+    row_.assign(background.begin(), background.end());
+    depths.assign(row_.size(), INFINITY);
+    drawOthers(pane, refinement, row_, depths);
+    return row_;
 }
 
 ShadeOptions Viewer::shadeOptions(const Pane& pane) const {
@@ -192,14 +222,14 @@ Viewer::Shown Viewer::wanted() const {
     ViewTransform from = view();
     return {editor_->pose(),  editor_->betas(),    settings_, from.rotation,
             from.translation, cameraOf(panes_[0]), panes_,    textureVersion_,
-            backdropVersion_, comparedVersion_};
+            backdropVersion_, others_.version()};
 }
 
 void Viewer::setPoses(const Shown& now) {
     const Theta theta = thetaOf(now.pose);
     const Trans trans = transOf(now.pose);
     scene_->setPose(theta, trans, now.betas);
-    if (compared_) compared_->setPose(theta, trans, now.betas, avatar_->avatar);
+    others_.setPose(now.pose, now.betas, avatar_->avatar, row());
 }
 
 // Whether the picture becomes finer: the mouse rests, and there is something to be gained.
@@ -224,9 +254,12 @@ void Viewer::updatePictures() {
         for (size_t i = 0; i < panes_.size(); ++i) {
             const Pane& pane = panes_[i];
             if (!pane.other) useTexture(pane.texture);
-            pixels_[i] = sceneOf(pane).refine(pane.mesh, cameraOf(pane), view(), shadeOptions(pane),
-                                              behind(pane), static_cast<int>(i), refinements_,
-                                              std::move(pixels_[i]));
+            std::vector<float> depths;
+            const std::span<const uint32_t> background = behind(pane, refinements_, depths);
+            pixels_[i] =
+                sceneOf(pane).refine(pane.mesh, cameraOf(pane), view(), shadeOptions(pane),
+                                     background, static_cast<int>(i), refinements_,
+                                     std::move(pixels_[i]), depths.empty() ? nullptr : &depths);
         }
         ++refinements_;
         framesToDraw_ = std::max(framesToDraw_, 1);
@@ -242,8 +275,11 @@ void Viewer::updatePictures() {
     for (size_t i = 0; i < panes_.size(); ++i) {
         const Pane& pane = panes_[i];
         if (!pane.other) useTexture(pane.texture);
-        pixels_[i] = sceneOf(pane).draw(pane.mesh, cameraOf(pane), view(), shadeOptions(pane),
-                                        behind(pane), 1, std::move(pixels_[i]));
+        std::vector<float> depths;
+        const std::span<const uint32_t> background = behind(pane, {}, depths);
+        pixels_[i] =
+            sceneOf(pane).draw(pane.mesh, cameraOf(pane), view(), shadeOptions(pane), background, 1,
+                               std::move(pixels_[i]), depths.empty() ? nullptr : &depths);
     }
     times_.draw = millisecondsSince(before);
     shown_ = std::move(now);

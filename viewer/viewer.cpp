@@ -51,7 +51,7 @@ Viewer::Viewer(const ViewerOptions& options)
     editor_ = std::make_unique<PoseEditor>(poseOf(rest.theta, rest.trans), avatar_->avatar.betas);
     if (!options.motion.empty()) loadMotion(options.motion, options.frames);
     if (!options.pose.empty()) pastePose(options.pose);
-    if (!options.beside.empty()) compareWith(options.beside);
+    for (const fs::path& other : options.beside) compareWith(other);
     editor_->markSaved();  // all of it comes from files
     layOut();
     frameAll();

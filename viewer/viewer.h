@@ -18,7 +18,7 @@
 #include "trainer/data/frame_cache.h"
 #include "trainer/motion/motion.h"
 #include "trainer/motion/retarget/retarget.h"
-#include "viewer/compare/compared.h"
+#include "viewer/compare/company.h"
 #include "viewer/films/film_plan.h"
 #include "viewer/films/film_thread.h"
 #include "viewer/inspect/inspected.h"
@@ -45,12 +45,12 @@ namespace doppel {
 struct ViewerOptions {
     DeviceOptions device;  // that computes the pictures
     std::filesystem::path avatar;
-    std::filesystem::path motion;    // a capture, poses.npz or .bvh; may be empty
-    std::filesystem::path beside;    // an avatar to compare with; may be empty
-    std::filesystem::path pose;      // a pose's JSON to begin with; may be empty
-    std::string frames;              // of the motion: selectFrames; empty: all
-    RetargetSettings retarget;       // of all motions that are opened
-    int width = 1280, height = 800;  // of the window
+    std::filesystem::path motion;               // a capture, poses.npz or .bvh; may be empty
+    std::vector<std::filesystem::path> beside;  // avatars to see with this one
+    std::filesystem::path pose;                 // a pose's JSON to begin with; may be empty
+    std::string frames;                         // of the motion: selectFrames; empty: all
+    RetargetSettings retarget;                  // of all motions that are opened
+    int width = 1280, height = 800;             // of the window
     // Where what is not saved is kept for the next start (viewer/recovery.h); empty: nowhere.
     std::filesystem::path state;
     std::optional<double> scale;  // of the interface; without: as it was chosen before, else 1
@@ -60,8 +60,8 @@ struct ViewerOptions {
 };
 
 // What is compared side by side, to the left what is named first: body and refined, coarse and
-// refined, this avatar and another.
-enum class Split { None, Meshes, Textures, Avatars };
+// refined, this avatar and others; or all of these in one scene.
+enum class Split { None, Meshes, Textures, Avatars, Together };
 
 enum class Backdrop { Colour, Picture, Capture };
 
@@ -80,6 +80,7 @@ struct ViewSettings {
     Split split = Split::None;
     bool divided = false;  // what is compared is one picture with a line, where the divider is
     float divider = .5f;   // part of the picture's width
+    double apart = .9;     // of avatars in one scene, metres
     Backdrop backdrop = Backdrop::Colour;
     std::array<float, 3> colour{0.20f, 0.22f, 0.25f};
     bool captureCamera = false;
@@ -184,8 +185,8 @@ public:
     // Another person in the same pose, motion and view. InputError, with nothing changed, where
     // there is no avatar.
     void openAvatar(const std::filesystem::path& folder);
-    // Shows another person, or another training's state, beside this one: in the same pose, from
-    // the same place. InputError likewise.
+    // Shows another person, or another training's state, with this one and those that there are:
+    // in the same pose. InputError likewise.
     void compareWith(const std::filesystem::path& folder);
     void loadPicture(const std::filesystem::path& path);
     void startFilm(const std::filesystem::path& out, const FilmSettings& settings = {});
@@ -319,6 +320,8 @@ private:
     Camera cameraOf(const Pane& pane) const;
     std::span<const uint32_t> backgroundOf(Pane pane);
     std::span<const uint32_t> behind(const Pane& pane);
+    std::span<const uint32_t> behind(const Pane& pane, std::optional<int> refinement,
+                                     std::vector<float>& depths);
     ShadeOptions shadeOptions(const Pane& pane) const;
     Shown wanted() const;
     void updatePictures();
@@ -336,8 +339,8 @@ private:
     double modalAngle();
     // A preset or a file from now on; InputError, with nothing changed, where it is neither.
     void useKeys(const std::string& nameOrFile);
+    void chooseKeys(const std::string& nameOrFile);  // for the next starts, too
     void openKeys();
-    std::string keysName() const;
     void drawKeysControls();
     void drawHelp();
 
@@ -363,7 +366,13 @@ private:
     void setPoses(const Shown& now);
     void chooseCompared();
     void nextSplit();
-    std::pair<std::string, std::string> splitNames() const;  // of what is left and right
+    std::vector<std::string> personNames() const;
+    std::vector<std::string> paneNames() const;
+    std::optional<Company::Row> row();
+    void drawOthers(const Pane& pane, std::optional<int> refinement, std::vector<uint32_t>& pixels,
+                    std::vector<float>& depths);
+    void drawCompanyControls();
+    void drawPersonNames(const Pane& pane);
     void followCompared();
     std::optional<double> dividerAt() const;
     bool onDivider(double x) const;
@@ -443,8 +452,7 @@ private:
     Window window_;
     Device device_;
     std::unique_ptr<Scene> scene_;
-    std::unique_ptr<Compared> compared_;  // null: nobody
-    uint64_t comparedVersion_ = 0;
+    Company others_{device_};
     std::unique_ptr<Painter> painter_;
     std::unique_ptr<PoseEditor> editor_;
     mutable Skeleton skeleton_{};
@@ -476,6 +484,7 @@ private:
     uint64_t backdropVersion_ = 1;
     std::vector<uint32_t> background_;
     std::map<int, std::vector<uint32_t>> backgroundParts_;  // by the pane's x
+    std::vector<uint32_t> row_;                             // of avatars, and what is behind them
     std::array<int64_t, 5> backgroundKey_{-1, -1, -1, -1, -1};
     // The floor: from the poses' world, y up. Nothing where the motion's feet stand nowhere.
     struct FloorOf {
@@ -497,6 +506,8 @@ private:
         std::array<int64_t, 5> background{};
         std::optional<RigidMotion> floor;
         std::vector<Ghost> ghosts;
+        uint64_t others = 0;          // Company::version()
+        std::optional<double> apart;  // of a row
         bool operator==(const Behind&) const = default;
     };
     std::map<int, std::pair<Behind, std::vector<uint32_t>>> behind_;  // by the pane's x

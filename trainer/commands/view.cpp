@@ -23,7 +23,8 @@ void declareFlags(CommandFlags& flags, ViewOptions& o) {
                "A capture, a poses.npz, BVH, FBX, glTF, AMASS or an estimator's poses to play");
     flags.frames(o.viewer.frames, "Frames of the motion");
     flags.retarget(o.viewer.retarget);
-    flags.path("--beside", o.viewer.beside, "Another avatar, to compare this one with");
+    flags.paths("--beside", o.viewer.beside,
+                "Another avatar, to see with this one; may be given several times");
     flags.path("--pose", o.viewer.pose, "A pose to begin with, JSON as the viewer copies it");
     flags->add_option("--camera", o.viewer.camera,
                       "Where to look from, as the viewer copies it (Ctrl + Shift + C)");

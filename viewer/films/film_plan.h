@@ -34,8 +34,17 @@ struct FilmFrame {
     Camera camera;  // of the film's size
     // From the pose's world; nothing where there is no floor.
     std::optional<RigidMotion> floor;
-    std::vector<Ghost> ghosts;       // the first one furthest back
-    std::optional<size_t> captured;  // the capture's frame behind it
+    std::vector<Ghost> ghosts;        // the first one furthest back
+    std::vector<glm::dvec3> offsets;  // of FilmPlan::others, from the edited one's place
+    std::optional<size_t> captured;   // the capture's frame behind it
+};
+
+// Of a row of avatars one who is not edited.
+struct FilmOther {
+    std::shared_ptr<const LoadedAvatar> avatar;
+    Betas betas{};
+    MeshKind mesh = MeshKind::Refined;
+    std::vector<float> texels;
 };
 
 struct FilmPlan {
@@ -55,6 +64,7 @@ struct FilmPlan {
     Image backdrop;                  // empty: none
     std::optional<Capture> capture;  // whose frames are behind
     double line = 1;                 // width of the floor's lines, pixels
+    std::vector<FilmOther> others;
     std::vector<FilmFrame> frames;
 };
 

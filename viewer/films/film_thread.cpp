@@ -101,6 +101,11 @@ void FilmThread::draw() {
     const int width = plan_.width, height = plan_.height;
     Device device(plan_.device);
     Scene scene(device, avatar);
+    std::vector<std::unique_ptr<Scene>> others;
+    for (const FilmOther& other : plan_.others) {
+        others.push_back(std::make_unique<Scene>(device, other.avatar->avatar));
+        others.back()->setTexture(other.texels);
+    }
     std::optional<AvatarRenderer> renderer;
     if (plan_.painted)
         renderer.emplace(device, avatar, false, plan_.texture);
@@ -116,10 +121,24 @@ void FilmThread::draw() {
             scene.setPose(thetaOf(frame.pose), transOf(frame.pose), plan_.betas);
         };
         takePose();
+        for (size_t i = 0; i < others.size(); ++i) {
+            Pose pose = frame.pose;
+            pose.trans += frame.offsets[i];
+            others[i]->setPose(thetaOf(pose), transOf(pose), plan_.others[i].betas);
+        }
         const std::vector<float> verts = scene.vertices(plan_.mesh, frame.view);
         if (renderer) scene.setTexture(renderer->texture(verts));
-        const auto drawn = [&](std::span<const uint32_t> behind) {
-            return scene.draw(plan_.mesh, frame.camera, frame.view, plan_.shade, behind, kSamples);
+        const auto drawn = [&](std::vector<uint32_t> behind) {
+            std::vector<float> depths(others.empty() ? 0 : pixels, INFINITY);
+            for (size_t i = 0; i < others.size(); ++i) {
+                const FilmOther& other = plan_.others[i];
+                ShadeOptions shade = plan_.shade;
+                shade.inset = 0;
+                behind = others[i]->draw(other.mesh, frame.camera, frame.view, shade, behind,
+                                         kSamples, {}, &depths);
+            }
+            return scene.draw(plan_.mesh, frame.camera, frame.view, plan_.shade, behind, kSamples,
+                              {}, others.empty() ? nullptr : &depths);
         };
         Image image;
         if (plan_.clear) {
@@ -131,10 +150,15 @@ void FilmThread::draw() {
             std::vector<uint32_t> behind = backdropPixels(
                 width, height,
                 {plan_.colour, plan_.backdrop.empty() ? nullptr : &plan_.backdrop, own.get()});
-            if (frame.floor)
+            if (frame.floor) {
+                std::vector<FloorBody> bodies{{verts, avatar.body.faces}};
+                for (size_t i = 0; i < others.size(); ++i)
+                    bodies.push_back({others[i]->vertices(plan_.others[i].mesh, frame.view),
+                                      plan_.others[i].avatar->avatar.body.faces});
                 drawFloor(behind, frame.camera, frame.view, *frame.floor,
                           forwardKinematics(skeleton, frame.pose).position[joint::kPelvis],
-                          plan_.line, verts, avatar.body.faces);
+                          plan_.line, bodies);
+            }
             drawGhosts(scene, frame.ghosts, plan_.betas, frame.camera, frame.view, behind);
             takePose();
             image = asImage(drawn(behind), width, height);

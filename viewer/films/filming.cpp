@@ -76,10 +76,20 @@ void Viewer::startFilm(const fs::path& out, const FilmSettings& settings) {
         settings_.backdrop == Backdrop::Capture && capture() && settings_.captureCamera;
     if (captured) plan.capture = capture()->capture;
     if (settings_.backdrop == Backdrop::Picture) plan.backdrop = backdropPicture_;
+    const std::optional<Company::Row> row = this->row();
+    for (size_t k = 0; row && k < others_.size(); ++k)
+        plan.others.push_back({others_[k].loaded(),
+                               others_[k].betasFor(plan.betas, avatar_->avatar),
+                               others_[k].mesh(pane.mesh), others_[k].texture()});
     for (int64_t i = first; i <= last; ++i) {
         // Without a timeline what is shown now.
         const double time = frameCount() > 1 ? static_cast<double>(i) : timeline_;
-        FilmFrame frame{editor_->poseAt(time), view(), viewCameraOf(pane, time), {}, {}, {}};
+        FilmFrame frame;
+        frame.pose = editor_->poseAt(time);
+        frame.view = view();
+        frame.camera = viewCameraOf(pane, time);
+        for (size_t k = 0; k < plan.others.size(); ++k)
+            frame.offsets.push_back(others_.offset(k, plan.betas, avatar_->avatar, *row));
         if (!settings.clear) {
             if (settings_.floor) frame.floor = worldToFloor(time);
             frame.ghosts = ghosts(time);

@@ -62,8 +62,7 @@ void Viewer::drawHelp() {
     ImGui::SetNextWindowSize({std::ceil(std::min(wide, size.x * .95f)), 0});  // 0: as high as it is
     ImGui::Begin("Help", &settings_.help,
                  ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoSavedSettings);
-    words("Keys of " + keysName() + (preferences_.touchpad ? ", with a touchpad" : "") +
-          "; the panel's View has others.");
+    drawKeysControls();
     if (ImGui::BeginTable("keys", 2)) {
         ImGui::TableSetupColumn("keys", ImGuiTableColumnFlags_WidthFixed,
                                 std::min(std::ceil(keys), size.x * .45f));
@@ -83,15 +82,14 @@ void Viewer::drawHelp() {
     ImGui::End();
 }
 
-std::string Viewer::keysName() const {
-    if (!Bindings::isPreset(keys_.name())) return fs::path(keys_.name()).filename().string();
-    return keys_.name() == "blender" ? "Blender" : "glTF viewers";
-}
-
 void Viewer::useKeys(const std::string& nameOrFile) {
     Bindings keys = Bindings::named(nameOrFile);
     if (preferences_.touchpad) keys.useTouchpad();
     keys_ = std::move(keys);
+}
+
+void Viewer::chooseKeys(const std::string& nameOrFile) {
+    useKeys(nameOrFile);
     const bool preset = Bindings::isPreset(nameOrFile);
     preferences_.keys = preset ? nameOrFile : fs::absolute(nameOrFile).string();
     writePreferences(options_.state, preferences_);
@@ -117,17 +115,16 @@ void Viewer::drawKeysControls() {
     constexpr Choice kKeys[] = {
         {"glTF viewers", kGltf}, {"Blender", kBlender}, {"of a file", kFile}};
     const size_t count = isThere || chosen == kFile ? 3 : 2;
-    const std::string help = keys_.keyOf(Action::Help);
-    if (choose("keys",
-               fmt::format("Whose habits keys and mouse have{}.",
-                           help.empty() ? std::string() : "; " + help + " lists them"),
-               kKeys, count, chosen))
+    ImGui::PushItemWidth(12 * ImGui::GetFontSize());
+    const bool other = choose("keys", "Whose habits keys and mouse have.", kKeys, count, chosen);
+    ImGui::PopItemWidth();
+    if (other)
         attempt([&] {
-            useKeys(chosen == kGltf ? "gltf" : chosen == kBlender ? "blender" : own.string());
+            chooseKeys(chosen == kGltf ? "gltf" : chosen == kBlender ? "blender" : own.string());
         });
     if (checkbox("touchpad", "Two fingers orbit, with Shift pan, with Ctrl go nearer and farther.",
                  preferences_.touchpad))
-        attempt([&] { useKeys(keys_.name()); });
+        attempt([&] { chooseKeys(keys_.name()); });
     beside("own keys");
     if (!button("own keys",
                 isThere ? "Reads " + own.string() + " again."
@@ -138,10 +135,10 @@ void Viewer::drawKeysControls() {
         if (!isThere) {
             createFolders(options_.state);
             AtomicFile file(own);
-            file.write(keys_.text());
+            file.write(Bindings::named(keys_.name()).text());
             file.commit();
         }
-        useKeys(own.string());
+        chooseKeys(own.string());
         say((isThere ? "keys as in " : "keys are in ") + own.string());
     });
 }
