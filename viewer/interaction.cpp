@@ -169,7 +169,10 @@ std::set<size_t> Viewer::pinsOfDrag(const PosedSkeleton& began) {
         if (const std::optional<RigidMotion> floor = worldToFloor())
             for (size_t ankle : standingAnkles(proportions_, began, *floor)) {
                 const size_t hip = ankle == joint::kLeftAnkle ? joint::kLeftHip : joint::kRightHip;
-                if (!skeleton().hangsOn(*selected_, hip)) pins.insert(ankle);
+                const bool dragged = skeleton().hangsOn(*selected_, hip) ||
+                                     (editsBothSides(*selected_) &&
+                                      skeleton().hangsOn(oppositeJoint(*selected_), hip));
+                if (!dragged) pins.insert(ankle);
             }
     pins.erase(*selected_);
     return pins;

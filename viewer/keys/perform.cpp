@@ -76,7 +76,10 @@ void Viewer::perform(Action action, int digit) {
             return lookFrom(orbit_.yaw, orbit_.pitch - kStep);
         case Action::ZoomIn:
         case Action::ZoomOut:
-            if (settings_.captureCamera) leaveCaptureCamera();
+            if (settings_.captureCamera && !panes_.empty()) {
+                dragPane_ = panes_.front();
+                leaveCaptureCamera();
+            }
             return orbit_.dolly(action == Action::ZoomIn ? kZoomStep : 1 / kZoomStep);
         case Action::Orthographic:
             orbit_.orthographic = !orbit_.orthographic;
