@@ -2,6 +2,7 @@
 #include <cmath>
 #include <limits>
 #include <random>
+#include <set>
 
 #include "tests/op_test.h"
 #include "tests/posed_body.h"
@@ -152,6 +153,21 @@ TEST(Skeleton, PointsABone) {
     const glm::dvec3 wrist = forwardKinematics(skeleton, pointed).position[joint::kLeftWrist];
     EXPECT_LT(glm::distance(glm::normalize(wrist - elbow), towards), 1e-9);
     EXPECT_EQ(pointBone(skeleton, pose, joint::kLeftWrist, elbow), pose);
+}
+
+TEST(Skeleton, ListsJointsLimbByLimb) {
+    const auto& order = jointsByLimb();
+    const std::set<size_t> all(order.begin(), order.end());
+    EXPECT_EQ(all.size(), size_t{joint::kCount});
+    const Skeleton skeleton = skeletonOf(body(), Betas{});
+    for (size_t i = 1; i < order.size(); ++i) {
+        // From the trunk outwards: each hangs on the one before, or begins a limb.
+        const bool follows = skeleton.parents[order[i]] == static_cast<int>(order[i - 1]);
+        EXPECT_TRUE(follows || limbOfTree(order[i]) != limbOfTree(order[i - 1])) << i;
+    }
+    EXPECT_EQ(limbOfTree(joint::kRightHand), Limb::RightArm);
+    EXPECT_EQ(limbOfTree(joint::kLeftHip), Limb::LeftLeg);
+    EXPECT_FALSE(limbOfTree(joint::kHead));
 }
 
 TEST(Skeleton, MirrorsAcrossTheUprightPlane) {

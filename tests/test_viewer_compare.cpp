@@ -1,5 +1,6 @@
 // Two avatars, meshes or textures in one picture.
 #include "tests/viewer_test.h"
+#include "trainer/avatar/rendering.h"
 
 namespace doppel::test {
 namespace {
@@ -74,7 +75,11 @@ TEST_F(ViewerTest, AnotherAvatarIsTheOtherPartOfThePicture) {
     EXPECT_GT(bluePart(picture(), width / 2, width), .02);
     screen_->key("b");
     settle();
+    EXPECT_EQ(viewer.settings().split, Split::Together);
     EXPECT_EQ(viewer.panes().size(), 1u);
+    screen_->key("b");
+    settle();
+    EXPECT_EQ(viewer.settings().split, Split::None);
     EXPECT_EQ(bluePart(picture(), 0, width), 0);
     for (size_t panes : {2u, 2u, 2u, 1u}) {
         screen_->key("b");
@@ -116,6 +121,158 @@ TEST_F(ViewerTest, WhatIsComparedWithIsFollowed) {
     });
     settle();
     EXPECT_GT(bluePart(picture(), 0, picture().width), .01);
+}
+
+// Which of the red, green and blue avatars are seen in these columns.
+std::string coloursIn(const Image& image, int from, int to) {
+    std::array<int, 3> seen{};
+    for (int y = 0; y < image.height; ++y)
+        for (int x = from; x < to; ++x)
+            for (size_t c = 0; c < 3; ++c) {
+                const uint8_t* rgb = image.pixel(x, y);
+                seen[c] += rgb[c] > 200 && rgb[(c + 1) % 3] < 60 && rgb[(c + 2) % 3] < 60;
+            }
+    std::string names;
+    for (size_t c = 0; c < 3; ++c)
+        if (seen[c] > 60) names += "RGB"[c];
+    return names;
+}
+
+class CompanyTest : public ViewerTest {
+protected:
+    // Of one colour, and as large as the shape says.
+    fs::path writeOne(const std::string& name, size_t colour, float beta) {
+        Avatar avatar = plainAvatar();
+        for (size_t i = 0; i < avatar.texture.size(); ++i)
+            avatar.texture[i] = i % 3 == colour ? 1.f : 0.f;
+        avatar.betas[0] = beta;
+        writeAvatar(*folder_ / name, avatar);
+        return *folder_ / name;
+    }
+    void awaitSilence() {
+        for (int i = 0; i < 100 && viewer_->visibleMessages() > 0; ++i) turn(1);
+        settle();
+    }
+};
+
+TEST_F(CompanyTest, ThreeAreSideBySide) {
+    ViewerOptions options;
+    options.avatar = writeOne("red", 0, 0);
+    options.beside = {writeOne("green", 1, 1), writeOne("blue", 2, -1)};
+    Viewer& viewer = open(options);
+    ASSERT_EQ(viewer.panes().size(), 3u);
+    awaitSilence();
+    const Image three = picture();
+    for (int i = 0; i < 3; ++i) {
+        const Pane& pane = viewer.panes()[static_cast<size_t>(i)];
+        EXPECT_EQ(coloursIn(three, pane.x + 2, pane.x + pane.width - 2), std::string(1, "RGB"[i]));
+    }
+    // The line is for two.
+    const double yaw = viewer.camera().yaw;
+    drag({double(viewer.panes()[1].x), 40}, {double(viewer.panes()[1].x) + 60, 40});
+    EXPECT_EQ(viewer.panes().size(), 3u);
+    EXPECT_NE(viewer.camera().yaw, yaw) << "it orbits there";
+}
+
+TEST_F(CompanyTest, SeveralStandInOneScene) {
+    ViewerOptions options;
+    options.avatar = writeOne("red", 0, 0);
+    options.beside = {writeOne("green", 1, 1.5f), writeOne("blue", 2, -1.5f)};
+    Viewer& viewer = open(options);
+    viewer.settings().joints = false;
+    viewer.settings().split = Split::Together;
+    viewer.settings().apart = .8;
+    viewer.camera().dolly(1.6);
+    settle();
+    awaitSilence();
+    ASSERT_EQ(viewer.panes().size(), 1u);
+    const Image row = picture();
+    const int middle = row.width / 2;
+    EXPECT_EQ(coloursIn(row, middle - 4, middle + 4), "R");
+    EXPECT_NE(coloursIn(row, middle, row.width).find('G'), std::string::npos);
+    EXPECT_NE(coloursIn(row, 0, middle).find('B'), std::string::npos);
+    // Soles are on one level, however long the legs.
+    const auto lowest = [&](size_t c) {
+        for (int y = row.height - 1; y >= 0; --y)
+            for (int x = 0; x < row.width; ++x) {
+                const uint8_t* rgb = row.pixel(x, y);
+                if (rgb[c] > 200 && rgb[(c + 1) % 3] < 60 && rgb[(c + 2) % 3] < 60) return y;
+            }
+        return -1;
+    };
+    EXPECT_NEAR(lowest(1), lowest(0), 3);
+    EXPECT_NEAR(lowest(2), lowest(0), 3);
+
+    // From the side the nearest hides the others.
+    screen_->key("3");
+    settle();
+    const Image aside = picture();
+    const std::string nearest = coloursIn(aside, middle - 3, middle + 3);
+    EXPECT_NE(nearest.find('G'), std::string::npos) << nearest;
+    EXPECT_EQ(nearest.find('R'), std::string::npos) << nearest;
+    keyWith("Shift_L", "3");
+    const std::string across = coloursIn(picture(), middle - 3, middle + 3);
+    EXPECT_NE(across.find('B'), std::string::npos) << across;
+    EXPECT_EQ(across.find('R'), std::string::npos) << across;
+
+    // In one place what is further out is seen: the larger one's outline around the smaller one's.
+    screen_->key("1");
+    viewer.settings().apart = 0;
+    settle();
+    EXPECT_EQ(coloursIn(picture(), 0, row.width).find('G') != std::string::npos, true);
+    // A film has all of them.
+    viewer.settings().apart = .8;
+    settle();
+    viewer.startFilm(*folder_ / "row", {.size = 0});
+    await("the film", [&] { return viewer.frame() && !viewer.working(); });
+    const Image filmed = readImage(*folder_ / "row/0000.png");
+    EXPECT_EQ(coloursIn(filmed, 0, filmed.width), "RGB");
+
+    // One leaves, by the panel.
+    screen_->key("n");
+    settle();
+    clickItem("without");
+    awaitSilence();
+    EXPECT_EQ(coloursIn(picture(), 0, viewer.panes()[0].width).find('B'), std::string::npos);
+}
+
+// Who is drawn first makes no difference.
+TEST_F(CompanyTest, NearerSurfacesHideFartherOnes) {
+    Device device;
+    const Avatar avatar = readAvatar(*folder_ / "avatar");
+    Scene one(device, avatar), two(device, avatar);
+    const Shot rest = restShot(device, avatar, 128);
+    Trans near = rest.trans;
+    near[2] -= .1f;
+    near[0] += .15f;
+    one.setPose(rest.theta, rest.trans, avatar.betas);
+    two.setPose(rest.theta, near, avatar.betas);
+    OrbitCamera orbit;
+    orbit.target = {0, 0, rest.trans[2]};
+    const Camera camera = orbit.camera(128, 160);
+    const std::vector<uint32_t> empty(128 * 160, 0xff303030u);
+    for (int samples : {1, 2}) {
+        const auto drawn = [&](Scene& first, Scene& second) {
+            std::vector<float> depths(empty.size(), INFINITY);
+            const auto behind =
+                first.draw(MeshKind::Body, camera, orbit.view(), {}, empty, samples, {}, &depths);
+            return second.draw(MeshKind::Body, camera, orbit.view(), {}, behind, samples, {},
+                               &depths);
+        };
+        const std::vector<uint32_t> a = drawn(one, two), b = drawn(two, one);
+        size_t differ = 0, seen = 0;
+        for (size_t i = 0; i < a.size(); ++i) {
+            differ += a[i] != b[i];
+            seen += a[i] != empty[i];
+        }
+        EXPECT_GT(seen, a.size() / 20);
+        // Where a pixel has samples of both, what was first there counts as what is behind.
+        EXPECT_LE(differ, samples == 1 ? size_t{0} : seen / 20) << samples;
+        std::vector<float> none(empty.size(), INFINITY);
+        const auto alone =
+            two.draw(MeshKind::Body, camera, orbit.view(), {}, empty, samples, {}, &none);
+        EXPECT_EQ(alone, two.draw(MeshKind::Body, camera, orbit.view(), {}, empty, samples));
+    }
 }
 
 }  // namespace

@@ -97,5 +97,52 @@ TEST_F(ViewerTest, TheFloorIsWhereAMotionsFeetStand) {
     EXPECT_NO_THROW(itemAt("no floor: the feet of this motion stand nowhere"));
 }
 
+// The root goes with the mouse, and the feet stay where they stand.
+TEST_F(ViewerTest, TheFloorHoldsFeetWhileTheRootIsDragged) {
+    Viewer& viewer = open();
+    const PosedSkeleton began = viewer.posed();
+    const auto moved = [&](size_t joint) {
+        return glm::distance(viewer.posed().position[joint], began.position[joint]);
+    };
+    const glm::dvec2 pelvis = at(joint::kPelvis);
+    drag(pelvis, pelvis + glm::dvec2(16, 24));
+    EXPECT_GT(moved(joint::kLeftAnkle), .05) << "nothing holds them";
+    keyWith("Control_L", "z");
+
+    viewer.settings().holdFeet = true;
+    drag(pelvis, pelvis + glm::dvec2(16, 24));
+    EXPECT_GT(moved(joint::kPelvis), .05);
+    EXPECT_LT(glm::distance(at(joint::kPelvis), pelvis + glm::dvec2(16, 24)), 3);
+    for (size_t ankle : {joint::kLeftAnkle, joint::kRightAnkle}) EXPECT_LT(moved(ankle), .003);
+    EXPECT_GT(moved(joint::kLeftKnee), .01) << "it bends";
+    keyWith("Control_L", "z");
+    // A leg that is dragged is not held, the other one is.
+    const glm::dvec2 ankle = at(joint::kLeftAnkle);
+    drag(ankle, ankle + glm::dvec2(20, -40));
+    EXPECT_LT(glm::distance(at(joint::kLeftAnkle), ankle + glm::dvec2(20, -40)), 3);
+    EXPECT_LT(moved(joint::kRightAnkle), .003);
+}
+
+TEST_F(ViewerTest, WhatIsDraggedStopsAtTheFloor) {
+    Viewer& viewer = open();
+    const auto height = [&] { return *viewer.height(MeshKind::Body); };
+    const double standing = height();
+    const glm::dvec2 pelvis = at(joint::kPelvis);
+    drag(pelvis, pelvis + glm::dvec2(0, 60));
+    EXPECT_LT(height(), standing - .1) << "half of it is below";
+    keyWith("Control_L", "z");
+    viewer.settings().aboveFloor = true;
+    drag(pelvis, pelvis + glm::dvec2(30, 60));
+    EXPECT_NEAR(height(), standing, .004);
+    EXPECT_NEAR(at(joint::kPelvis).x, pelvis.x + 30, 3) << "along the floor it goes";
+    keyWith("Control_L", "z");
+    const glm::dvec2 ankle = at(joint::kLeftAnkle);
+    const double before = viewer.posed().position[joint::kLeftAnkle].y;  // down
+    drag(ankle, ankle + glm::dvec2(10, 50));
+    EXPECT_LT(viewer.posed().position[joint::kLeftAnkle].y, before + .01);
+    drag(ankle, ankle + glm::dvec2(10, -50));
+    EXPECT_LT(viewer.posed().position[joint::kLeftAnkle].y, before - .05) << "up it goes";
+}
+
 }  // namespace
 }  // namespace doppel::test

@@ -210,12 +210,6 @@ TEST_F(ViewerTest, FilmsWhatIsShown) {
     EXPECT_GT(covered, clear.data.size() / 4 / 50);
     EXPECT_LT(covered, clear.data.size() / 4 / 2);
     EXPECT_GT(near, covered * 9 / 10);
-    // What is given up leaves nothing.
-    viewer.startFilm(*folder_ / "half.mp4");
-    turn(2);
-    screen_->key("Escape");
-    settle();
-    EXPECT_FALSE(fs::exists(*folder_ / "half.mp4"));
     EXPECT_EQ(viewer.timeline(), 0);
     EXPECT_EQ(messageOf<InputError>([&] { viewer.startFilm(*folder_ / "avatar"); }).empty(), false);
 }
@@ -249,57 +243,107 @@ TEST_F(ViewerTest, WhatCannotBeReadIsSaid) {
     EXPECT_EQ(viewer.editor().pose(), motionPose(*viewer.editor().motion(), 2));
 }
 
+// It is drawn in the background, as everything was when it was asked for.
 TEST_F(ViewerTest, NothingDisturbsAFilm) {
-    Motion motion = turningMotion(60);
+    const Motion motion = turningMotion(8);
     ViewerOptions options;
-    options.motion = *folder_ / "long.npz";
+    options.motion = *folder_ / "busy.npz";
     options.width = 900, options.height = 700;
     writeNpz(options.motion, posesArrays(motion.theta, motion.trans, {}), false);
     Viewer& viewer = open(options);
-    viewer.settings().panel = true;
+    viewer.settings().floor = true;
+    viewer.settings().ghosts = 1;
     settle();
-    const auto click = [&](const std::string& label) {
-        const glm::dvec2 place = itemAt(label);
-        screen_->move(place.x, place.y);
-        turn(2);
-        screen_->press(1);
-        turn(2);
-        screen_->release(1);
-        turn(2);
-    };
-    const double distance = viewer.camera().distance;
-    viewer.camera().dolly(1.5);
-    settle();
-    const size_t steps = viewer.editor().steps();
-    const fs::path film = *folder_ / "long.mp4";
-    viewer.startFilm(film, {.size = 64});
-    for (const char* label : {"key here", "frame", "wireframe", "frame all", "Files"}) click(label);
-    click("close motion");
-    ASSERT_TRUE(viewer.working()) << "the film is too short for this test";
-    EXPECT_TRUE(viewer.editor().keyframes().empty());
-    EXPECT_TRUE(viewer.editor().motion());
-    EXPECT_FALSE(viewer.settings().wireframe);
-    EXPECT_NEAR(viewer.camera().distance, 1.5 * distance, 1e-9);
-    EXPECT_EQ(viewer.editor().steps(), steps);
+    viewer.startFilm(*folder_ / "calm", {.size = 120});
+    await("the film", [&] { return viewer.frame() && !viewer.working(); });
 
-    // A film is given up with the window only.
+    viewer.startFilm(*folder_ / "busy", {.size = 120});
+    EXPECT_THROW(viewer.startFilm(*folder_ / "second", {.size = 120}), InputError);
+    viewer.settings().colour = {1, 1, 1};
+    viewer.settings().floor = false;
+    screen_->key("w");
+    screen_->key("3");
+    turn();
+    // What was drawn last is in the corner: dark, while the window is white by now.
+    await("a picture in the corner", [&] {
+        turn(1);
+        const Canvas& drawn = viewer.window().drawn();
+        const Pane& pane = viewer.panes().back();
+        const auto at = [&](int x, int y) { return drawn.row(y)[static_cast<size_t>(x)] & 0xff; };
+        return !viewer.working() || (at(pane.width - 20, 20) < 120 && at(40, 200) > 250);
+    });
+    ASSERT_TRUE(viewer.working()) << "the film is too short for this test";
+    const glm::dvec2 wrist = at(joint::kLeftWrist);
+    screen_->move(wrist.x, wrist.y);
+    turn();
+    screen_->press(1);
+    turn();
+    screen_->move(wrist.x + 30, wrist.y - 50);
+    turn(2);
+    screen_->release(1);
+    turn();
+    EXPECT_FALSE(viewer.editor().keyframes().empty()) << "posing goes on meanwhile";
+    viewer.closeMotion();
+    await("the film", [&] { return viewer.frame() && !viewer.working(); });
+    EXPECT_NE(viewer.message().find("film in"), std::string::npos) << viewer.message();
+    EXPECT_TRUE(viewer.settings().wireframe);
+    for (int i = 0; i < 8; ++i) {
+        const std::string name = fmt::format("000{}.png", i);
+        EXPECT_EQ(readImage(*folder_ / "calm" / name).data,
+                  readImage(*folder_ / "busy" / name).data)
+            << name;
+    }
+}
+
+TEST_F(ViewerTest, AFilmIsGivenUpOnlyIfThatIsMeant) {
+    const Motion motion = turningMotion(3000);
+    ViewerOptions options;
+    options.motion = *folder_ / "long.npz";
+    writeNpz(options.motion, posesArrays(motion.theta, motion.trans, {}), false);
+    Viewer& viewer = open(options);
+    viewer.startFilm(*folder_ / "half.mp4");
+    turn(2);
+    screen_->key("Escape");
+    turn();
+    ASSERT_NE(viewer.question(), "");
+    screen_->key("Escape");
+    turn();
+    EXPECT_EQ(viewer.question(), "");
+    EXPECT_TRUE(viewer.working()) << "Escape goes on";
+    screen_->key("Escape");
+    turn();
+    viewer.answer("Give it up");
+    settle();
+    EXPECT_FALSE(viewer.working());
+
+    viewer.startFilm(*folder_ / "never.mp4", {.size = 64});
     viewer.editor().setBetas({1});
     screen_->closeWindow();
     turn();
-    ASSERT_NE(viewer.question(), "");
-    EXPECT_TRUE(viewer.working());
-    viewer.answer("Cancel");
-    for (int i = 0; i < 500 && viewer.working(); ++i) viewer.frame();
-    EXPECT_EQ(VideoReader(film).frameCount(), 60);
-    viewer.startFilm(*folder_ / "never.mp4", {.size = 64});
+    viewer.answer("Do not save");
     turn();
+    ASSERT_NE(viewer.question().find("of the film"), std::string::npos) << viewer.question();
+    viewer.answer("Cancel");
+    turn();
+    EXPECT_TRUE(viewer.working());
     screen_->closeWindow();
     turn();
-    viewer.answer("Do not save");
+    viewer.answer("Give it up");
     await("the window to close", [&] { return !viewer.frame(); });
     viewer_.reset();
-    for (const std::string& name : folder_->names())
+    for (const std::string& name : folder_->names()) {
         EXPECT_EQ(name.find("never"), std::string::npos) << name;
+        EXPECT_EQ(name.find("half"), std::string::npos) << name;
+    }
+
+    Viewer& other = open();  // of one picture
+    const fs::path out = *folder_ / "closing.mp4";
+    other.startFilm(out, {.size = 64});
+    screen_->closeWindow();
+    turn();
+    if (!other.question().empty()) other.answer("Finish it, then close");
+    await("the window to close", [&] { return !other.frame(); });
+    EXPECT_EQ(VideoReader(out).frameCount(), 1);
 }
 
 TEST_F(ViewerTest, AWindowThatIsClosedFinishesItsExport) {

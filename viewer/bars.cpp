@@ -29,10 +29,10 @@ void Viewer::drawTimeline() {
     ImGui::SetNextWindowPos({0, size.y - height});
     ImGui::SetNextWindowSize({size.x, height});
     ImGui::Begin("timeline", nullptr, kFixed | ImGuiWindowFlags_NoScrollbar);
-    ImGui::BeginDisabled(film_ != nullptr);
     // What a narrow window has no room for: the speed first, then the fade, the clock last.
     const bool wide = size.x >= 760 * unit, wider = size.x >= 960 * unit;
-    if (button(playing_ ? "pause" : " play ", "Plays the timeline, or stops (space)."))
+    if (button(playing_ ? "pause" : " play ",
+               keys_.tip("Plays the timeline, or stops", Action::Play)))
         play(!playing_);
     ImGui::SameLine();
     checkbox("loop", "After the last frame it begins again.", loop_);
@@ -44,10 +44,12 @@ void Viewer::drawTimeline() {
         ImGui::SameLine();
     }
     const double now = std::floor(timeline_);
-    if (button("key here", "Makes a key of the pose at this frame (K).")) setKey();
+    if (button("key here", keys_.tip("Makes a key of the pose at this frame", Action::SetKey)))
+        setKey();
     ImGui::SameLine();
     const bool onKey = std::ranges::count(editor_->keyframes(), now, &Keyframe::time) > 0;
-    if (button("remove key", "Takes the key of this frame away.", onKey))
+    if (button("remove key", keys_.tip("Takes the key of this frame away", Action::RemoveKey),
+               onKey))
         editor_->removeKeyframe(now);
     ImGui::SameLine();
     if (wide && motion() && hasKeys()) {
@@ -94,7 +96,7 @@ void Viewer::drawTimeline() {
         lastTouched_ = Clock::now();
     }
     noteItem("frame");
-    tip("The frame that is shown (left, right).");
+    tip(keys_.tip("The frame that is shown", Action::NextFrame));
     ImGui::PopItemWidth();
     // Above the slider's grab, which is as wide as a frame.
     constexpr float kPadding = 2;  // of Dear ImGui's sliders
@@ -108,7 +110,6 @@ void Viewer::drawTimeline() {
             {x - 4 * unit, at.y - 4 * unit}, {x + 4 * unit, at.y - 4 * unit}, {x, at.y + 2 * unit},
             IM_COL32(255, 170, 40, 255));
     }
-    ImGui::EndDisabled();
     ImGui::End();
 }
 
@@ -143,8 +144,9 @@ void Viewer::drawStatus() {
     if (painter_->busy()) figures += ", painting the texture ...";
     if (settings_.figures) text(plain, figures);
     if (film_)
-        text(bad,
-             fmt::format("drawing the film: {:.0f} %  (Escape gives up)", 100.0 * filmProgress()));
+        text(plain, fmt::format("film: {:.0f} %, {}{}", 100. * filmProgress(),
+                                film_->out().filename().string(),
+                                leaveAfterFilm_ ? "; then the window closes" : ""));
     if (export_ && window_.closed()) text(bad, "the window closes once the glTF file is written");
     size_t shown = 0;
     for (auto message = messages_.rbegin(); message != messages_.rend() && shown < kMessagesShown;
@@ -156,7 +158,8 @@ void Viewer::drawStatus() {
     if (settings_.figures && !settings_.help && pictures_ < 400) {
         const float line = ImGui::GetFontSize();
         y = static_cast<float>(panes_[0].height / window_.scale()) - line - 14 * unit;
-        text(plain, "H: help");
+        if (const std::string key = keys_.keyOf(Action::Help); !key.empty())
+            text(plain, key + ": help");
     }
 }
 
@@ -195,72 +198,6 @@ void Viewer::drawQuestion() {
         ImGui::EndPopup();
     }
     if (!chosen.empty()) answer(chosen);
-}
-
-void Viewer::drawHelp() {
-    if (!settings_.help) return;
-    const ImVec2 size = ImGui::GetIO().DisplaySize;
-    const auto unit = static_cast<float>(window_.unit());
-    ImGui::SetNextWindowPos({std::min(40 * unit, size.x / 20), std::min(60 * unit, size.y / 10)},
-                            ImGuiCond_Appearing);
-    const char* rows[][2] = {
-        {"drag a joint", "moves it, the limb follows"},
-        {"drag a ring", "turns the selected joint"},
-        {"left or middle drag", "orbit; a click into the empty deselects"},
-        {"right or Shift drag", "pan"},
-        {"wheel, Ctrl + middle drag", "nearer, farther; with Shift or sideways: pan"},
-        {"F, numpad .", "see the selected joint"},
-        {"Home", "see all of it"},
-        {"1  3  7  (Shift: opposite)", "front, side, top"},
-        {"5", "orthographic"},
-        {"Ctrl + Shift + 1 to 9", "keep this view; with Ctrl alone: back to it"},
-        {"0", "the capture's camera"},
-        {"P", "pin the joint under the mouse, or let it go"},
-        {"R, Shift + R", "reset the joint, the whole pose"},
-        {"M", "mirror"},
-        {"Ctrl and a ring", "by 5 degrees, or freely: the panel says which"},
-        {"Ctrl + Z, Ctrl + Shift + Z", "undo, redo"},
-        {"Ctrl + C, Ctrl + V", "copy, paste the pose as JSON"},
-        {"Ctrl + Shift + C, V", "copy, paste the camera as --camera has it"},
-        {"Space, left, right", "play, one frame back, on"},
-        {"K", "key here; edits over a motion are keys of themselves"},
-        {"Ctrl + S, Ctrl + Shift + S", "save what is seen, as a poses.npz; under another name"},
-        {"Ctrl + O, Ctrl + Shift + O", "open a file; an avatar's or a capture's folder"},
-        {"B", "side by side: meshes, textures, off"},
-        {"W  L  J  G", "wireframe, light, joints, floor"},
-        {"I, then a click", "what is known of that point of the surface"},
-        {"N, Tab", "panel"},
-        {"Ctrl + plus, minus, 0", "larger, smaller letters, of scale 1"},
-        {"F12", "save the picture"},
-        {"Escape", "give up a drag or a film, deselect"},
-        {"Ctrl + Q", "quit"},
-    };
-    // As wide as its rows where the window has room, else they wrap; what is too high scrolls.
-    float keys = 0, meanings = 0;
-    for (const auto& row : rows) {
-        keys = std::max(keys, ImGui::CalcTextSize(row[0]).x);
-        meanings = std::max(meanings, ImGui::CalcTextSize(row[1]).x);
-    }
-    const ImGuiStyle& style = ImGui::GetStyle();
-    const float wide = std::ceil(keys) + std::ceil(meanings) + 4 * style.CellPadding.x +
-                       2 * style.WindowPadding.x + style.ScrollbarSize + unit;
-    ImGui::SetNextWindowSizeConstraints({0, 0}, {size.x * .95f, size.y * .88f});
-    ImGui::SetNextWindowSize({std::ceil(std::min(wide, size.x * .95f)), 0});  // 0: as high as it is
-    ImGui::Begin("Help", &settings_.help,
-                 ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoSavedSettings);
-    if (ImGui::BeginTable("keys", 2)) {
-        ImGui::TableSetupColumn("keys", ImGuiTableColumnFlags_WidthFixed, std::ceil(keys));
-        ImGui::TableSetupColumn("meanings", ImGuiTableColumnFlags_WidthStretch);
-        for (const auto& row : rows) {
-            ImGui::TableNextRow();
-            ImGui::TableNextColumn();
-            words(row[0]);
-            ImGui::TableNextColumn();
-            hint(row[1]);
-        }
-        ImGui::EndTable();
-    }
-    ImGui::End();
 }
 
 }  // namespace doppel

@@ -142,7 +142,6 @@ void Viewer::pastePose(const fs::path& path) {
 }
 
 void Viewer::openFile(const fs::path& path) {
-    if (film_) throwInput("{}: a film is being drawn; Escape gives it up", path.string());
     if (path.filename() == "avatar.toml") return openAvatar(path.parent_path());
     if (LiveAvatar::isAvatar(path)) return openAvatar(path);
     const std::string extension = endingOf(path);
@@ -309,7 +308,6 @@ void Viewer::afterSaving(const std::string& what, std::function<void()> then) {
 
 void Viewer::askToLeave() {
     afterSaving("What you edited is not saved.", [this] {
-        cancelFilm();
         givenUpVersion_ = editor_->version();
         window_.close();
     });
@@ -384,7 +382,7 @@ bool Viewer::recover(const std::string& text, const std::string& name) {
     layOut();
     frameAll();
     if (missing.empty())
-        say(fmt::format("as it was at {}; Ctrl+S saves it", session.when));
+        say(fmt::format("as it was at {}; {} saves it", session.when, keys_.keyOf(Action::Save)));
     else
         say(fmt::format("the poses are back, but not the motion under them: {}", missing), true);
     return keepSession(true) && missing.empty();

@@ -25,7 +25,7 @@ void Viewer::findFloor() {
                       editor_->opening()};
     if (floorOf_ == now) return;
     floorOf_ = now;
-    const Proportions body = proportionsOf(avatar_->avatar.body, now.betas);
+    const Proportions& body = proportions_ = proportionsOf(avatar_->avatar.body, now.betas);
     if (motion()) {
         floor_ = groundOf(*motion(), body);
         return;
@@ -40,28 +40,15 @@ void Viewer::findFloor() {
     floor_ = floor;
 }
 
-// From the world of the poses that are shown now, which is a camera's where each frame has its own.
-std::optional<RigidMotion> Viewer::worldToFloor() {
+// From the world of the poses that are shown then, which is a camera's where each frame has its
+// own.
+std::optional<RigidMotion> Viewer::worldToFloor(double time) {
     findFloor();
     if (!floor_ || !motion() || motion()->views.empty()) return floor_;
     const RigidMotion& seen = motion()->views[static_cast<size_t>(
-        std::clamp<int64_t>(static_cast<int64_t>(timeline_), 0, frameCount() - 1))];
+        std::clamp<int64_t>(static_cast<int64_t>(time), 0, frameCount() - 1))];
     const glm::dmat3 turn = floor_->rotation * glm::transpose(seen.rotation);
     return RigidMotion{turn, floor_->translation - turn * seen.translation};
-}
-
-// The scene has the pose that is shown.
-void Viewer::drawFloor(const RigidMotion& floor, const Pane& pane, std::vector<uint32_t>& pixels) {
-    const ViewTransform from = view();
-    const Camera camera = cameraOf(pane);
-    ToFloor toFloor;
-    toFloor.rotation = floor.rotation * glm::transpose(from.rotation);
-    toFloor.translation = floor.translation - toFloor.rotation * from.translation;
-    const glm::dvec3 pelvis = floor.rotation * posed().position[joint::kPelvis] + floor.translation;
-    paintFloor(pixels, camera, toFloor, {pelvis.x, pelvis.z},
-               1.2 * window_.unit() * window_.scale(),
-               contactShadow(scene_->vertices(pane.mesh, from), avatar_->avatar.body.faces,
-                             asGround(toFloor), camera));
 }
 
 std::optional<double> Viewer::height(MeshKind mesh) {

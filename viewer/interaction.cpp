@@ -1,11 +1,14 @@
-// The mouse: Blender's habits for the middle button, glTF viewers' for the others.
+// The mouse.
+#include <GLFW/glfw3.h>
 #include <imgui.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
 #include "viewer/overlays.h"
+#include "viewer/pose/ground_contact.h"
 #include "viewer/viewer.h"
 
 namespace doppel {
@@ -16,6 +19,7 @@ constexpr double kPickRadius = 14, kRingPick = 7;  // window units
 constexpr double kClick = 4;                       // that a click moves at most
 constexpr double kDegrees = 180 / std::numbers::pi;
 constexpr double kSnap = 5 / kDegrees;  // what a ring turns by
+constexpr double kWheelStep = 30;       // pixels that a turn of the wheel pans and orbits
 
 // How far a turn goes about an axis of length one, radians; the one nearest to `about`.
 double twistAbout(const glm::dquat& turn, const glm::dvec3& axis, double about) {
@@ -124,12 +128,12 @@ std::optional<Viewer::RingHit> Viewer::ringAt(double x, double y) const {
     return hit;
 }
 
-void Viewer::beginJointDrag(size_t joint) {
+void Viewer::beginJointDrag(size_t joint, const std::string& what) {
     selected_ = joint;
     dragBegan_ = editor_->pose();
     dragPoint_ = posed().position[joint];
     play(false);
-    editor_->beginGesture(std::string("move ") + jointName(joint));
+    editor_->beginGesture(what + jointName(joint));
     dragGoal_ = dragPoint_;
 }
 
@@ -152,11 +156,50 @@ void Viewer::dragJoint() {
     if (both)
         targets.push_back({.joint = oppositeJoint(joint),
                            .position = placeAcross(skeleton(), began, joint, goal)});
-    for (size_t pin : pins_)
-        if (pin != joint) targets.push_back(pinnedAt(began, pin));
-    const Pose solved = solveIk(skeleton(), dragBegan_, targets,
-                                {.limits = settings_.limits, .balance = settings_.balance});
+    for (size_t pin : pinsOfDrag(began)) targets.push_back(pinnedAt(began, pin));
+    const Pose solved = solvedAboveFloor(targets, both ? 2 : 1);
     editor_->setPose(both ? mirroredAcross(skeleton(), solved, dragBegan_, joint) : solved);
+}
+
+// The pins, and the feet that stand on the floor where it holds them, but for the leg that is
+// dragged.
+std::set<size_t> Viewer::pinsOfDrag(const PosedSkeleton& began) {
+    std::set<size_t> pins = pins_;
+    if (settings_.holdFeet)
+        if (const std::optional<RigidMotion> floor = worldToFloor())
+            for (size_t ankle : standingAnkles(proportions_, began, *floor)) {
+                const size_t hip = ankle == joint::kLeftAnkle ? joint::kLeftHip : joint::kRightHip;
+                const bool dragged = skeleton().hangsOn(*selected_, hip) ||
+                                     (editsBothSides(*selected_) &&
+                                      skeleton().hangsOn(oppositeJoint(*selected_), hip));
+                if (!dragged) pins.insert(ankle);
+            }
+    pins.erase(*selected_);
+    return pins;
+}
+
+// Inverse kinematics from where the drag began. The floor, where it is a limit, lifts the first
+// `dragged` targets by what would be below it.
+Pose Viewer::solvedAboveFloor(std::vector<IkTarget> targets, size_t dragged) {
+    const IkOptions options{.limits = settings_.limits, .balance = settings_.balance};
+    Pose solved = solveIk(skeleton(), dragBegan_, targets, options);
+    const std::optional<RigidMotion> floor = settings_.aboveFloor ? worldToFloor() : std::nullopt;
+    if (!floor) return solved;
+    const auto lowestOf = [&](const Pose& pose) {
+        return lowestPoint(proportions_, forwardKinematics(skeleton(), pose), *floor);
+    };
+    // What was below it before the drag may stay there.
+    const double least = std::min(0., lowestOf(dragBegan_));
+    const glm::dvec3 up = glm::transpose(floor->rotation) * glm::dvec3(0, 1, 0);
+    constexpr int kMostLifts = 6;
+    constexpr double kClose = 5e-4;  // metres
+    for (int i = 0; i < kMostLifts; ++i) {
+        const double below = least - lowestOf(solved);
+        if (below < kClose) break;
+        for (size_t k = 0; k < dragged; ++k) targets[k].position += below * up;
+        solved = solveIk(skeleton(), dragBegan_, targets, options);
+    }
+    return solved;
 }
 
 bool Viewer::editsBothSides(size_t joint) const {
@@ -172,13 +215,17 @@ Pose Viewer::finished(const Pose& pose, const Pose& began, size_t joint) const {
 void Viewer::endDrag() {
     if (drag_ == Drag::Joint || drag_ == Drag::Ring) editor_->endGesture();
     drag_ = Drag::None;
+    modal_.reset();
 }
 
 void Viewer::dragRing() {
     glm::dvec2 moved = mouse_ - dragStart_;
-    double angle =
-        glm::dot(moved, dragRing_.tangent) / glm::dot(dragRing_.tangent, dragRing_.tangent);
-    if (preferences_.snap != ImGui::GetIO().KeyCtrl) angle = std::round(angle / kSnap) * kSnap;
+    double angle = modal_ ? modalAngle()
+                          : glm::dot(moved, dragRing_.tangent) /
+                                glm::dot(dragRing_.tangent, dragRing_.tangent);
+    const bool typed = modal_ && !modal_->typed.empty();
+    if (!typed && preferences_.snap != ImGui::GetIO().KeyCtrl)
+        angle = std::round(angle / kSnap) * kSnap;
     const size_t joint = *selected_;
     const Pose pose = finished(
         rotateJoint(skeleton(), dragBegan_, joint, dragRing_.direction, angle), dragBegan_, joint);
@@ -199,6 +246,50 @@ std::string Viewer::turnedText() const {
                        held ? ", its limit" : "");
 }
 
+int Viewer::heldModifiers() {
+    const ImGuiIO& io = ImGui::GetIO();
+    return (io.KeyCtrl || io.KeySuper ? GLFW_MOD_CONTROL : 0) | (io.KeyShift ? GLFW_MOD_SHIFT : 0) |
+           (io.KeyAlt ? GLFW_MOD_ALT : 0);
+}
+
+// What the button that went down does to the camera.
+std::optional<Viewer::Drag> Viewer::cameraDrag() const {
+    constexpr std::array<int, 3> kDrags{kLeftDrag, kRightDrag, kMiddleDrag};  // ImGui's order
+    for (int button = 0; button < 3; ++button) {
+        if (!ImGui::IsMouseClicked(button)) continue;
+        const auto action = keys_.actionOf({kDrags[static_cast<size_t>(button)], heldModifiers()});
+        if (action == Action::Orbit) return Drag::Orbit;
+        if (action == Action::Pan) return Drag::Pan;
+        if (action == Action::Zoom) return Drag::Dolly;
+    }
+    return std::nullopt;
+}
+
+bool Viewer::onHandle() const {
+    return hovered_ || ringAt(mouse_.x, mouse_.y) || onDivider(mouse_.x);
+}
+
+// The wheel, or two fingers on a touchpad, which go sideways as well.
+void Viewer::turnWheel() {
+    const ImGuiIO& io = ImGui::GetIO();
+    glm::dvec2 turned(io.MouseWheelH, io.MouseWheel);
+    if (turned == glm::dvec2(0)) return;
+    std::optional<Action> action;
+    if (std::abs(turned.x) > std::abs(turned.y))
+        action = keys_.actionOf({kSidewaysWheel, heldModifiers()});
+    if (!action) action = keys_.actionOf({kWheel, heldModifiers()});
+    if (!action) return;
+    if (settings_.captureCamera) leaveCaptureCamera();
+    if (action == Action::Zoom) {
+        dollyToMouse(std::pow(0.9, turned.y));
+    } else if (action == Action::Pan) {
+        orbit_.pan(kWheelStep * turned.x, kWheelStep * turned.y, dragPane_.height);
+    } else {
+        orbit_.orbit(kWheelStep * turned.x, kWheelStep * turned.y, dragPane_.height);
+    }
+    lastTouched_ = Clock::now();
+}
+
 void Viewer::handleMouse() {
     const ImGuiIO& io = ImGui::GetIO();
     glm::dvec2 before = mouse_;
@@ -206,44 +297,35 @@ void Viewer::handleMouse() {
     glm::dvec2 moved = mouse_ - before;
     if (drag_ == Drag::None) {
         hovered_.reset();
-        if (io.WantCaptureMouse || film_ || question_) return;
+        if (io.WantCaptureMouse || question_) return;
         hovered_ = jointAt(mouse_.x, mouse_.y);
         const Pane* pane = paneAt(mouse_.x, mouse_.y);
         if (!pane) return;
         dragPane_ = *pane;
         dragStart_ = mouse_;
         dragMoved_ = false;
-        bool left = ImGui::IsMouseClicked(0), right = ImGui::IsMouseClicked(1),
-             middle = ImGui::IsMouseClicked(2);
-        if (left && hovered_) {
+        const bool left = ImGui::IsMouseClicked(0);
+        // With Alt the camera goes where a joint is under the mouse, too.
+        std::optional<Drag> turn = cameraDrag();
+        if (turn && left && !io.KeyAlt && onHandle()) turn.reset();
+        if (turn) {
+            drag_ = *turn;
+            // A click that inspects looks through it.
+            if (settings_.captureCamera && !(left && inspecting())) leaveCaptureCamera();
+        } else if (left && hovered_) {
             beginJointDrag(*hovered_);
             drag_ = Drag::Joint;
         } else if (std::optional<RingHit> hit = left ? ringAt(mouse_.x, mouse_.y) : std::nullopt) {
+            beginJointDrag(*selected_, "turn ");
             dragRing_ = *hit;
-            dragBegan_ = editor_->pose();
-            play(false);
-            editor_->beginGesture(std::string("turn ") + jointName(*selected_));
             dragAsked_ = dragTurned_ = 0;
             drag_ = Drag::Ring;
         } else if (left && onDivider(mouse_.x)) {
             drag_ = Drag::Divider;
-        } else if (left || right || middle) {
-            drag_ = middle && io.KeyCtrl                         ? Drag::Dolly
-                    : right || ((left || middle) && io.KeyShift) ? Drag::Pan
-                                                                 : Drag::Orbit;
-            // A click that inspects looks through it.
-            if (settings_.captureCamera && !(left && inspecting())) leaveCaptureCamera();
+        } else if (left) {
+            drag_ = Drag::Click;
         }
-        if (io.MouseWheel != 0 || io.MouseWheelH != 0) {
-            if (settings_.captureCamera) leaveCaptureCamera();
-            // Two fingers sideways, or with Shift in any direction, pan; else nearer and farther.
-            if (io.KeyShift || std::abs(io.MouseWheelH) > std::abs(io.MouseWheel))
-                orbit_.pan(30.0 * static_cast<double>(io.MouseWheelH),
-                           30.0 * static_cast<double>(io.MouseWheel), dragPane_.height);
-            else
-                dollyToMouse(std::pow(0.9, static_cast<double>(io.MouseWheel)));
-            lastTouched_ = Clock::now();
-        }
+        turnWheel();
         if (drag_ == Drag::None) return;
         moved = {};
     }
@@ -271,12 +353,16 @@ void Viewer::handleMouse() {
         case Drag::Divider:
             dragDivider();
             break;
+        case Drag::Click:
         case Drag::None:
             break;
     }
-    if (!io.MouseDown[0] && !io.MouseDown[1] && !io.MouseDown[2]) {
+    if (modal_ && ImGui::IsMouseClicked(1)) {
+        editor_->cancelGesture();
+        endDrag();
+    } else if (modal_ ? ImGui::IsMouseClicked(0) : !ImGui::IsAnyMouseDown()) {
         // A click into the empty.
-        if (drag_ == Drag::Orbit && !dragMoved_) {
+        if ((drag_ == Drag::Orbit || drag_ == Drag::Click) && !dragMoved_) {
             selected_.reset();
             if (inspecting()) inspectAt(mouse_.x, mouse_.y);
         }

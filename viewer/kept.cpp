@@ -1,4 +1,4 @@
-// What is kept to come back to: views, by Ctrl + Shift + a digit, and poses, as stick figures seen
+// What is kept to come back to: views, each under a digit, and poses, as stick figures seen
 // from the front.
 #include <imgui.h>
 
@@ -13,6 +13,14 @@ namespace doppel {
 namespace {
 
 constexpr float kWidth = 56, kHeight = 72;  // of a figure, window units
+
+// "Ctrl + 3" of "Ctrl + digit".
+std::string withDigit(std::string keys, int digit) {
+    constexpr std::string_view kWord = "digit";
+    if (keys.ends_with(kWord))
+        keys.replace(keys.size() - kWord.size(), kWord.size(), 1, static_cast<char>('0' + digit));
+    return keys;
+}
 
 // Its joints within a box of kWidth by kHeight times `unit`, at `corner`.
 void drawFigure(ImDrawList& list, const Skeleton& skeleton, Pose pose, ImVec2 corner, float unit) {
@@ -46,18 +54,20 @@ void drawFigure(ImDrawList& list, const Skeleton& skeleton, Pose pose, ImVec2 co
 
 void Viewer::keepView(int digit) {
     if (settings_.captureCamera)
-        throwInput("a bookmark keeps the viewer's own camera; 0 leaves the capture's");
+        throwInput("a bookmark keeps the viewer's own camera; {} leaves the capture's",
+                   keys_.keyOf(Action::CaptureCamera));
     Bookmark& kept = preferences_.bookmarks[digit];
     if (kept.name.empty()) kept.name = fmt::format("view {}", digit);
     kept.camera = cameraText(orbit_);
     writePreferences(options_.state, preferences_);
-    say(fmt::format("Ctrl+{} brings this view back", digit));
+    say(fmt::format("{} brings this view back", withDigit(keys_.keyOf(Action::SeeView), digit)));
 }
 
 void Viewer::seeBookmark(int digit) {
     const auto kept = preferences_.bookmarks.find(digit);
     if (kept == preferences_.bookmarks.end())
-        throwInput("there is no view {0}; Ctrl+Shift+{0} keeps one", digit);
+        throwInput("there is no view {}; {} keeps one", digit,
+                   withDigit(keys_.keyOf(Action::KeepView), digit));
     orbit_ = readCameraText(kept->second.camera);
     settings_.captureCamera = false;
 }
@@ -68,7 +78,8 @@ void Viewer::drawBookmarks() {
         if (free == digit) ++free;
         ImGui::PushID(digit);
         if (button(fmt::format("see {}", digit).c_str(),
-                   ("Looks from there (Ctrl + digit): " + kept.camera).c_str()))
+                   fmt::format("Looks from there ({}): {}",
+                               withDigit(keys_.keyOf(Action::SeeView), digit), kept.camera)))
             attempt([&, d = digit] { seeBookmark(d); });
         ImGui::SameLine();
         std::array<char, kLongestBookmark + 1> name{};
@@ -90,7 +101,7 @@ void Viewer::drawBookmarks() {
         writePreferences(options_.state, preferences_);
     }
     if (button("keep this view",
-               "Keeps the camera under the next free digit (Ctrl + Shift + digit).",
+               keys_.tip("Keeps the camera under the next free digit", Action::KeepView),
                free <= kMostBookmarks))
         attempt([&] { keepView(free); });
 }

@@ -39,7 +39,7 @@ void drawBar(const std::vector<LegendColour>& colours, float width, float height
 }  // namespace
 
 void Viewer::drawLegend() {
-    if (panes_.empty() || film_) return;
+    if (panes_.empty()) return;
     const std::vector<LegendRow> rows = legendOf(settings_.paint, avatar_->avatar);
     if (rows.empty()) return;
     const Pane& pane = panes_.back();

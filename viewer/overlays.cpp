@@ -29,24 +29,23 @@ void Viewer::drawOverlays() {
     ImDrawList& list = *ImGui::GetBackgroundDrawList();
     double scale = window_.scale();
     const auto unit = static_cast<float>(window_.unit());
-    if (panes_.size() == 2) {
-        auto x = static_cast<float>(panes_[1].x / scale);
-        auto bottom = static_cast<float>(panes_[1].height / scale);
-        list.AddLine({x, 0}, {x, bottom}, IM_COL32(255, 255, 255, 160), 1);
-        for (const auto& [at, name] :
-             {std::pair{0.f, splitNames().first}, {x, splitNames().second}})
-            drawLabel({at + 12 * unit, bottom - 54 * unit}, name);
-        if (settings_.divided) {
-            const bool hot =
-                drag_ == Drag::Divider ||
-                (drag_ == Drag::None && paneAt(mouse_.x, mouse_.y) && onDivider(mouse_.x));
-            const ImVec2 grip{x, bottom / 2};
-            list.AddCircleFilled(grip, (hot ? 9.f : 7.f) * unit, IM_COL32(18, 19, 22, 220));
-            list.AddCircle(grip, (hot ? 9.f : 7.f) * unit, IM_COL32(255, 255, 255, 230), 0,
-                           1.5f * unit);
-        }
+    const std::vector<std::string> names = paneNames();
+    for (size_t i = 0; i < panes_.size() && panes_.size() > 1; ++i) {
+        const auto x = static_cast<float>(panes_[i].x / scale);
+        const auto bottom = static_cast<float>(panes_[i].height / scale);
+        if (i > 0) list.AddLine({x, 0}, {x, bottom}, IM_COL32(255, 255, 255, 160), 1);
+        if (i < names.size()) drawLabel({x + 12 * unit, bottom - 54 * unit}, names[i]);
     }
-    if (film_) return;
+    if (const std::optional<double> line = dividerAt()) {
+        const bool hot = drag_ == Drag::Divider ||
+                         (drag_ == Drag::None && paneAt(mouse_.x, mouse_.y) && onDivider(mouse_.x));
+        const ImVec2 grip{static_cast<float>(*line),
+                          static_cast<float>(panes_[1].height / scale) / 2};
+        list.AddCircleFilled(grip, (hot ? 9.f : 7.f) * unit, IM_COL32(18, 19, 22, 220));
+        list.AddCircle(grip, (hot ? 9.f : 7.f) * unit, IM_COL32(255, 255, 255, 230), 0,
+                       1.5f * unit);
+    }
+    if (!panes_.empty()) drawPersonNames(panes_[0]);
     if (settings_.floor)
         for (const Pane& pane : panes_)
             if (!pane.other) drawHeight(pane);

@@ -7,7 +7,6 @@
 #include <numbers>
 
 #include "engine/error.h"
-#include "engine/io/films/kinds.h"
 #include "viewer/viewer.h"
 #include "viewer/widgets.h"
 
@@ -47,23 +46,19 @@ void Viewer::drawPanel() {
     // Labels stand to the right of what they name.
     ImGui::PushItemWidth(-ImGui::CalcTextSize("field of view  ").x);
     if (ImGui::BeginTabBar("tabs")) {
-        const bool filming = film_ != nullptr;
-        const auto drawTab = [&](const char* label, bool enabled, void (Viewer::*draw)()) {
+        const auto drawTab = [&](const char* label, void (Viewer::*draw)()) {
             const bool show = tabWanted_ == label;
             if (show) tabWanted_.clear();
             if (!tab(label, show)) return;
             tab_ = label;
-            ImGui::BeginDisabled(!enabled);
             (this->*draw)();
-            ImGui::EndDisabled();
             ImGui::EndTabItem();
         };
-        // A film shows what there was when it was begun.
-        drawTab("View", !filming, &Viewer::drawViewTab);
-        drawTab("Pose", !filming, &Viewer::drawPoseTab);
-        drawTab("Shape", !filming, &Viewer::drawShapeTab);
-        drawTab(kInspectTab, !filming, &Viewer::drawInspectTab);
-        drawTab("Files", true, &Viewer::drawFilesTab);
+        drawTab("View", &Viewer::drawViewTab);
+        drawTab("Pose", &Viewer::drawPoseTab);
+        drawTab("Shape", &Viewer::drawShapeTab);
+        drawTab(kInspectTab, &Viewer::drawInspectTab);
+        drawTab("Files", &Viewer::drawFilesTab);
         ImGui::EndTabBar();
     }
     ImGui::PopItemWidth();
@@ -111,27 +106,31 @@ void Viewer::drawViewTab() {
     constexpr Choice kSplits[] = {{"off", static_cast<int>(Split::None)},
                                   {"body | refined mesh", static_cast<int>(Split::Meshes)},
                                   {"coarse | refined", static_cast<int>(Split::Textures)},
-                                  {"this avatar | another", static_cast<int>(Split::Avatars)}};
-    choose("compare", "Two meshes, two textures or two avatars (B).", kSplits, split);
-    const bool asks = split == static_cast<int>(Split::Avatars) && !compared_;
+                                  {"this avatar | others", static_cast<int>(Split::Avatars)},
+                                  {"all in one scene", static_cast<int>(Split::Together)}};
+    choose("compare", keys_.tip("Two meshes, two textures, or avatars", Action::Compare), kSplits,
+           split);
+    const bool people = split >= static_cast<int>(Split::Avatars), asks = people && others_.empty();
     if (!asks) settings_.split = static_cast<Split>(split);
-    if (settings_.split != Split::None) {
+    if (asks) attempt([&] { chooseCompared(); });
+    const bool two = settings_.split != Split::Avatars || others_.size() == 1;
+    if (settings_.split != Split::None && settings_.split != Split::Together && two)
         checkbox("in one picture", "Divided by a line that can be dragged; else side by side.",
                  settings_.divided);
-        if (settings_.split == Split::Avatars) beside("another...");
-    }
-    if (asks || (settings_.split == Split::Avatars &&
-                 button("another...", "Chooses the avatar that this one is compared with.")))
-        attempt([&] { chooseCompared(); });
-    checkbox("wireframe", "The edges of the mesh's faces (W).", settings_.wireframe);
+    if (settings_.split >= Split::Avatars) drawCompanyControls();
+    checkbox("wireframe", keys_.tip("The edges of the mesh's faces", Action::Wireframe),
+             settings_.wireframe);
     beside("atlas in the corner");
     checkbox("atlas in the corner", "The texture itself, as it lies in UV space.", settings_.atlas);
-    checkbox("joints", "The skeleton, whose joints can be dragged (J).", settings_.joints);
+    checkbox("joints", keys_.tip("The skeleton, whose joints can be dragged", Action::Joints),
+             settings_.joints);
     beside("figures");
     checkbox("figures", "How long pictures take, in the corner.", settings_.figures);
     beside("floor");
-    checkbox("floor", "A grid where the feet stand, the contact shadow and a scale (G).",
-             settings_.floor);
+    checkbox(
+        "floor",
+        keys_.tip("A grid where the feet stand, the contact shadow and a scale", Action::Floor),
+        settings_.floor);
     if (settings_.floor) {
         findFloor();
         if (!floor_) hint("no floor: the feet of this motion stand nowhere");
@@ -145,7 +144,7 @@ void Viewer::drawViewTab() {
     }
 
     ImGui::Separator();
-    checkbox("light", "Lights the surface from one side (L).", settings_.lit);
+    checkbox("light", keys_.tip("Lights the surface from one side", Action::Light), settings_.lit);
     if (settings_.lit) {
         slider("from the side", "Where the light stands, radians around the body.",
                settings_.lightYaw, -std::numbers::pi, std::numbers::pi, "%.2f");
@@ -173,26 +172,29 @@ void Viewer::drawViewTab() {
         hint(capture() ? "seen with the capture's camera only" : "no capture is loaded");
 
     ImGui::Separator();
-    if (button("frame all", "Sees all of the body (Home).")) frameAll();
+    if (button("frame all", keys_.tip("Sees all of the body", Action::FrameAll))) frameAll();
     beside("front");
-    if (button("front", "From the front (1).")) lookFrom(0, 0);
+    if (button("front", keys_.tip("From the front", Action::Front))) lookFrom(0, 0);
     beside("side");
-    if (button("side", "From its left (3).")) lookFrom(std::numbers::pi / 2, 0);
+    if (button("side", keys_.tip("From its left", Action::Left))) lookFrom(std::numbers::pi / 2, 0);
     beside("top");
-    if (button("top", "From above (7).")) lookFrom(orbit_.yaw, 1.55);
-    checkbox("orthographic", "Without perspective (5).", orbit_.orthographic);
+    if (button("top", keys_.tip("From above", Action::Top))) lookFrom(orbit_.yaw, 1.55);
+    checkbox("orthographic", keys_.tip("Without perspective", Action::Orthographic),
+             orbit_.orthographic);
     if (motion() && !motion()->cameras.empty()) {
         beside("capture's camera");
-        checkbox("capture's camera", "As the camera saw each frame (0).", settings_.captureCamera);
+        checkbox("capture's camera",
+                 keys_.tip("As the camera saw each frame", Action::CaptureCamera),
+                 settings_.captureCamera);
     }
     double degrees = orbit_.fieldOfView * kDegrees;
     if (!settings_.captureCamera &&
         slider("field of view", "How much of the height the camera sees, degrees.", degrees, 5, 100,
                "%.0f deg"))
         orbit_.fieldOfView = degrees / kDegrees;
-    if (button("copy camera", "As --camera takes it (Ctrl + Shift + C).")) copyCamera();
+    if (button("copy camera", keys_.tip("As --camera takes it", Action::CopyCamera))) copyCamera();
     beside("paste camera");
-    if (button("paste camera", "A camera that was copied (Ctrl + Shift + V)."))
+    if (button("paste camera", keys_.tip("A camera that was copied", Action::PasteCamera)))
         attempt([&] { pasteCamera(); });
     drawBookmarks();
 
@@ -202,27 +204,32 @@ void Viewer::drawViewTab() {
                                   {"light", static_cast<int>(Theme::Light)}};
     if (choose("theme", "The interface's colours.", kThemes, theme))
         setLook(static_cast<Theme>(theme), uiScale_);
-    if (button("smaller", "Smaller letters (Ctrl + minus)."))
+    if (button("smaller", keys_.tip("Smaller letters", Action::Smaller)))
         setLook(settings_.theme, uiScale_ / 1.1);
     beside("larger");
-    if (button("larger", "Larger letters (Ctrl + plus).")) setLook(settings_.theme, uiScale_ * 1.1);
+    if (button("larger", keys_.tip("Larger letters", Action::Larger)))
+        setLook(settings_.theme, uiScale_ * 1.1);
+    beside("keys...");
+    if (button("keys...", keys_.tip("Lists the keys, and chooses others", Action::Help)))
+        settings_.help = true;
 }
 
 void Viewer::drawPoseTab() {
     PoseEditor& editor = *editor_;
-    if (button("undo", "Takes the last edit back (Ctrl + Z).", editor.canUndo())) undo();
+    if (button("undo", keys_.tip("Takes the last edit back", Action::Undo), editor.canUndo()))
+        undo();
     beside("redo");
-    if (button("redo", "Makes it again (Ctrl + Shift + Z).", editor.canRedo())) redo();
+    if (button("redo", keys_.tip("Makes it again", Action::Redo), editor.canRedo())) redo();
     beside("mirror");
-    if (button("mirror", "Exchanges left and right (M).")) editor.mirror();
+    if (button("mirror", keys_.tip("Exchanges left and right", Action::Mirror))) editor.mirror();
     beside("reset all");
-    if (button("reset all", "The pose as it was (Shift + R).")) editor.resetPose();
-    if (button("copy", "The pose as JSON (Ctrl + C).")) {
+    if (button("reset all", keys_.tip("The pose as it was", Action::ResetPose))) editor.resetPose();
+    if (button("copy", keys_.tip("The pose as JSON", Action::CopyPose))) {
         window_.setClipboard(editor.copy());
         say("pose copied");
     }
     beside("paste");
-    if (button("paste", "A pose that was copied (Ctrl + V)."))
+    if (button("paste", keys_.tip("A pose that was copied", Action::PastePose)))
         attempt([&] { editor.paste(window_.clipboard()); });
     drawKeptPoses();
     if (button("left to right", "The left side's pose, mirrored, on the right."))
@@ -237,6 +244,17 @@ void Viewer::drawPoseTab() {
     beside("balance over pins");
     checkbox("balance over pins", "Keeps the body over its pinned feet while it is dragged.",
              settings_.balance);
+    beside("feet hold to the floor");
+    checkbox("feet hold to the floor",
+             "Feet that stand on the floor stay there while the body or a hand is dragged.",
+             settings_.holdFeet);
+    beside("nothing below the floor");
+    checkbox("nothing below the floor", "What is dragged stops at the floor.",
+             settings_.aboveFloor);
+    if (settings_.holdFeet || settings_.aboveFloor) {
+        findFloor();
+        if (!floor_) hint("no floor: the feet of this motion stand nowhere");
+    }
     constexpr Choice kAxes[] = {{"the joint's own", static_cast<int>(RingAxes::Own)},
                                 {"its parent's", static_cast<int>(RingAxes::Parents)},
                                 {"the view's", static_cast<int>(RingAxes::Views)}};
@@ -261,8 +279,16 @@ void Viewer::drawPoseTab() {
 
     ImGui::Separator();
     hint("degrees about the joint's own axes");
-    ImGui::BeginChild("joints");
-    for (size_t j = 0; j < joint::kCount; ++j) {
+    // In a low window the panel scrolls, and not a list of one line.
+    ImGui::BeginChild("joints", {0, std::max(ImGui::GetContentRegionAvail().y,
+                                             8 * ImGui::GetTextLineHeightWithSpacing())});
+    std::optional<Limb> limbNow;
+    for (size_t j : jointsByLimb()) {
+        // Trunk and head first, then limb by limb.
+        if (const std::optional<Limb> limb = limbOfTree(j); limb != limbNow) {
+            limbNow = limb;
+            ImGui::Separator();
+        }
         ImGui::PushID(number(j));
         bool open = selected_ == j;
         std::string name = shown(jointName(j)) + (pins_.contains(j) ? "  [pinned]" : "");
@@ -288,12 +314,14 @@ void Viewer::drawPoseTab() {
                 editor.setPose(finished(edited, pose, j));
             }
             if (ended) editor.endGesture();
-            if (button("reset", "This joint as it was (R)."))
+            if (button("reset", keys_.tip("This joint as it was", Action::ResetJoint)))
                 editor.resetJoint(j, editsBothSides(j));
             if (j != joint::kPelvis) {
                 beside("pinned");
                 bool pinned = pins_.contains(j);
-                if (checkbox("pinned", "Stays where it is while others are dragged (P).", pinned)) {
+                if (checkbox("pinned",
+                             keys_.tip("Stays where it is while others are dragged", Action::Pin),
+                             pinned)) {
                     if (pinned)
                         pins_.insert(j);
                     else
@@ -332,48 +360,7 @@ void Viewer::drawShapeTab() {
         editor.resetBetas();
 }
 
-void Viewer::drawFilmControls(bool enabled) {
-    static const std::vector<std::string> kNames = [] {
-        std::vector<std::string> names;
-        for (const VideoKind& kind : videoKinds())
-            names.push_back(fmt::format("{}, {}", kind.ending, kind.codec));
-        names.emplace_back("pictures, PNG");
-        return names;
-    }();
-    std::vector<Choice> kinds;
-    for (const std::string& name : kNames) kinds.push_back({name.c_str(), number(kinds.size())});
-    choose("film as", "The kind of file.", kinds.data(), kinds.size(), filmKind_);
-    const bool files = size_t(filmKind_) >= videoKinds().size();
-    const bool keepsAlpha = files || videoKinds()[size_t(filmKind_)].keepsAlpha();
-    constexpr Choice kSizes[] = {{"as in the window", 0}, {"480", 480},   {"720", 720},
-                                 {"1080", 1080},          {"1920", 1920}, {"3840", 3840}};
-    choose("film size", "Pixels of the longer side.", kSizes, filmSettings_.size);
-    if (const int end = int(frameCount()) - 1; end > 0) {
-        int first = std::min(filmSettings_.first, end),
-            last = filmSettings_.last < 0 ? end : std::min(filmSettings_.last, end);
-        if (slider("first frame", "Of the film.", first, 0, end, "%d"))
-            filmSettings_.first = first, last = std::max(first, last);
-        if (slider("last frame", "Of the film, which has it too.", last, 0, end, "%d"))
-            filmSettings_.first = std::min(filmSettings_.first, last);
-        filmSettings_.last = last == end ? -1 : last;
-    }
-    ImGui::BeginDisabled(!keepsAlpha);
-    bool clear = filmSettings_.clear && keepsAlpha;
-    if (checkbox("nothing behind", "Transparent, for programs that put something there.", clear))
-        filmSettings_.clear = clear;
-    ImGui::EndDisabled();
-    if (button("film", "Draws these frames as they are seen.", enabled))
-        attempt([&] {
-            FilmSettings asked = filmSettings_;
-            asked.clear = clear;
-            startFilm(files ? freeName("doppel-frames", "")
-                            : freeName("doppel", videoKinds()[size_t(filmKind_)].ending),
-                      asked);
-        });
-}
-
 void Viewer::drawFilesTab() {
-    ImGui::BeginDisabled(film_ != nullptr);
     words(
         "Drop an avatar, a capture, a motion, a pose's .json or a picture on the window, or name "
         "it:");
@@ -396,14 +383,14 @@ void Viewer::drawFilesTab() {
         attempt([&] { saveAs(std::filesystem::path(pathText_.data())); });
     const bool asks = FileDialog::isThere();
     const char* none = asks ? "" : " It needs zenity or kdialog, which are not installed.";
-    if (button("choose a file", std::string("A motion, a pose or a picture (Ctrl + O).") + none,
+    if (button("choose a file", keys_.tip("A motion, a pose or a picture", Action::Open) + none,
                asks))
         attempt([&] { chooseFile(FileDialog::Asks::File); });
     beside("choose a folder");
     if (button("choose a folder",
-               std::string("An avatar, a capture or poses (Ctrl + Shift + O).") + none, asks))
+               keys_.tip("An avatar, a capture or poses", Action::OpenFolder) + none, asks))
         attempt([&] { chooseFile(FileDialog::Asks::Folder); });
-    if (button("choose where to save", std::string("Poses, .npz (Ctrl + Shift + S).") + none, asks))
+    if (button("choose where to save", keys_.tip("Poses, .npz", Action::SaveAs) + none, asks))
         attempt([&] { chooseNewFile(); });
     if (motion()) {
         words(fmt::format("motion: {}, {} frames at {:.4g} fps", motion()->name, motion()->size(),
@@ -430,29 +417,24 @@ void Viewer::drawFilesTab() {
         }
         if (!chosen.empty()) attempt([&] { openFile(chosen); });
     }
-    ImGui::EndDisabled();
 
     ImGui::Separator();
     words(
         "Written into the folder that the viewer was started in; nothing that is there is "
         "overwritten.");
-    const bool free = !working();
-    drawFilmControls(free);
+    drawFilmControls(!film_);
+    const bool free = !export_;
     if (button("glTF, .glb", "Avatar and motion for other programs.", free))
         attempt([&] { startExport(freeName("doppel", ".glb")); });
     beside("poses, .npz");
-    if (button("poses, .npz", "The motion with what was edited (Ctrl + S).", free))
+    if (button("poses, .npz", keys_.tip("The motion with what was edited", Action::Save)))
         attempt([&] { save(); });
     beside("picture");
-    if (button("picture", "What is seen now (F12).", free))
+    if (button("picture", keys_.tip("What is seen now", Action::Picture)))
         attempt([&] { saveScreenshot(freeName("doppel", ".png")); });
-    if (film_) {
-        ImGui::ProgressBar(filmProgress(), {-1, 0});
-        if (button("give up", "Ends the film; nothing of it is left.")) cancelFilm();
-    }
     if (export_) hint("writing glTF ...");
     if (const SavedFile file = savedFile(); !file.path.empty())
-        hint("Ctrl+S saves in " + file.path.filename().string());
+        hint(keys_.keyOf(Action::Save) + " saves in " + file.path.filename().string());
 
     ImGui::Separator();
     const bool history = ImGui::CollapsingHeader("messages");

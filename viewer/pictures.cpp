@@ -2,6 +2,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "viewer/picture/backdrop.h"
+#include "viewer/picture/floor.h"
 #include "viewer/viewer.h"
 
 namespace doppel {
@@ -33,10 +35,21 @@ void Viewer::layOut() {
     int height = window_.height() - static_cast<int>(timelineHeight() * scale);
     panes_.clear();
     if (width < 16 || height < 16) return;
-    Pane whole{0, 0, width, height, 0, width, false, settings_.mesh, settings_.texture};
-    if (settings_.split == Split::Avatars && !compared_) settings_.split = Split::None;
-    if (settings_.split == Split::None) {
+    Pane whole{0, 0, width, height, 0, width, 0, settings_.mesh, settings_.texture};
+    if (settings_.split >= Split::Avatars && others_.empty()) settings_.split = Split::None;
+    if (settings_.split == Split::None || settings_.split == Split::Together) {
         panes_ = {whole};
+        return;
+    }
+    if (settings_.split == Split::Avatars && others_.size() > 1) {
+        const auto count = static_cast<int>(others_.size()) + 1;
+        whole.width = whole.viewWidth = std::max(1, width / count);
+        for (int i = 0; i < count; ++i) {
+            panes_.push_back(whole);
+            panes_.back().x = panes_.back().viewX = i * whole.width;
+            panes_.back().other = i;
+            if (i > 0) panes_.back().mesh = others_[static_cast<size_t>(i) - 1].mesh(whole.mesh);
+        }
         return;
     }
     constexpr int kLeast = 16;  // pixels of each part
@@ -61,8 +74,8 @@ void Viewer::layOut() {
         left.texture = TextureKind::Coarse;
         right.texture = bestTexture();
     } else {
-        right.other = true;
-        right.mesh = compared_->mesh(whole.mesh);
+        right.other = 1;
+        right.mesh = others_[0].mesh(whole.mesh);
     }
     panes_ = {left, right};
 }
@@ -73,17 +86,17 @@ ViewTransform Viewer::view() const {
 
 // Of a part of a view: the view's, without the pixels beside the part.
 Camera Viewer::cameraOf(const Pane& pane) const {
-    Camera camera = viewCameraOf(pane);
+    Camera camera = viewCameraOf(pane, timeline_);
     camera.cx -= pane.x - pane.viewX;
     camera.width = pane.width;
     return camera;
 }
 
-Camera Viewer::viewCameraOf(const Pane& pane) const {
+Camera Viewer::viewCameraOf(const Pane& pane, double time) const {
     if (!settings_.captureCamera || !motion() || motion()->cameras.empty())
         return orbit_.camera(pane.viewWidth, pane.height);
-    auto i = static_cast<size_t>(
-        std::clamp<int64_t>(static_cast<int64_t>(timeline_), 0, frameCount() - 1));
+    auto i =
+        static_cast<size_t>(std::clamp<int64_t>(static_cast<int64_t>(time), 0, frameCount() - 1));
     // The whole frame, as large as the pane allows.
     const Camera& own = motion()->cameras[i];
     double scale = std::min(static_cast<double>(pane.viewWidth) / own.width,
@@ -129,46 +142,15 @@ std::span<const uint32_t> Viewer::backgroundOf(Pane pane) {
                                picture ? static_cast<int64_t>(backdropVersion_) : -1};
     if (key == backgroundKey_) return background_;
     backgroundKey_ = key;
-    background_.assign(static_cast<size_t>(pane.width) * static_cast<size_t>(pane.height),
-                       packed(colour));
-    auto place = [&](const Image& image, int left, int top) {
-        for (int y = std::max(0, top); y < std::min(pane.height, top + image.height); ++y)
-            for (int x = std::max(0, left); x < std::min(pane.width, left + image.width); ++x) {
-                const uint8_t* rgb = image.pixel(x - left, y - top);
-                background_[static_cast<size_t>(y) * static_cast<size_t>(pane.width) +
-                            static_cast<size_t>(x)] = packed({rgb[0], rgb[1], rgb[2]});
-            }
-    };
     std::shared_ptr<const Picture> own;
     try {
         if (frames) own = capture()->frames->load(static_cast<size_t>(frame));
     } catch (const std::exception& error) {
-        // The window goes on without it; a film with a hole would be no film.
-        if (film_) {
-            backgroundKey_.fill(-1);
-            throw;
-        }
         if (message() != error.what()) say(error.what(), true);
     }
-    if (own) {
-        Image image(own->width, own->height, 3);
-        image.data = own->rgb;
-        double scale = std::min(static_cast<double>(pane.width) / own->width,
-                                static_cast<double>(pane.height) / own->height);
-        int width = std::max(1, static_cast<int>(std::lround(own->width * scale)));
-        int height = std::max(1, static_cast<int>(std::lround(own->height * scale)));
-        place(resize(image, width, height),
-              static_cast<int>(std::lround((pane.width - own->width * scale) / 2)),
-              static_cast<int>(std::lround((pane.height - own->height * scale) / 2)));
-    } else if (picture) {
-        // It covers the pane.
-        double scale = std::max(static_cast<double>(pane.width) / backdropPicture_.width,
-                                static_cast<double>(pane.height) / backdropPicture_.height);
-        int width = std::max(pane.width, static_cast<int>(backdropPicture_.width * scale));
-        int height = std::max(pane.height, static_cast<int>(backdropPicture_.height * scale));
-        place(resize(backdropPicture_, width, height), (pane.width - width) / 2,
-              (pane.height - height) / 2);
-    }
+    background_ =
+        backdropPixels(pane.width, pane.height,
+                       {settings_.colour, picture ? &backdropPicture_ : nullptr, own.get()});
     return background_;
 }
 
@@ -186,16 +168,40 @@ std::span<const uint32_t> Viewer::behind(const Pane& pane) {
         background = part;
     }
     Behind now{editor_->pose(), editor_->betas(), pane, cameraOf(pane),
-               view(),          backgroundKey_,   {},   ghosts()};
+               view(),          backgroundKey_,   {},   ghosts(timeline_)};
     if (settings_.floor) now.floor = worldToFloor();
+    now.others = others_.version();
+    if (settings_.split == Split::Together) now.apart = settings_.apart;
     if (!now.floor && now.ghosts.empty()) return background;
     auto& [drawn, pixels] = behind_[pane.x];
     if (drawn == now && pixels.size() == background.size()) return pixels;
     pixels.assign(background.begin(), background.end());
-    if (now.floor) drawFloor(*now.floor, pane, pixels);
-    drawGhosts(now.ghosts, pane, pixels);
+    if (now.floor) {
+        std::vector<FloorBody> bodies{
+            {scene_->vertices(pane.mesh, now.view), avatar_->avatar.body.faces}};
+        for (size_t i = 0; now.apart && i < others_.size(); ++i)
+            bodies.push_back({others_[i].scene().vertices(others_[i].mesh(pane.mesh), now.view),
+                              others_[i].avatar().body.faces});
+        drawFloor(pixels, now.camera, now.view, *now.floor, posed().position[joint::kPelvis],
+                  floorLine(), bodies);
+    }
+    if (!now.ghosts.empty()) {
+        drawGhosts(*scene_, now.ghosts, now.betas, now.camera, now.view, pixels);
+        scene_->setPose(thetaOf(now.pose), transOf(now.pose), now.betas);
+    }
     drawn = std::move(now);
     return pixels;
+}
+
+// With the others of a row as well, and how far away they are; no depths without.
+std::span<const uint32_t> Viewer::behind(const Pane& pane, std::optional<int> refinement,
+                                         std::vector<float>& depths) {
+    const std::span<const uint32_t> background = behind(pane);
+    if (settings_.split != Split::Together) return background;
+    row_.assign(background.begin(), background.end());
+    depths.assign(row_.size(), INFINITY);
+    drawOthers(pane, refinement, row_, depths);
+    return row_;
 }
 
 ShadeOptions Viewer::shadeOptions(const Pane& pane) const {
@@ -216,19 +222,19 @@ Viewer::Shown Viewer::wanted() const {
     ViewTransform from = view();
     return {editor_->pose(),  editor_->betas(),    settings_, from.rotation,
             from.translation, cameraOf(panes_[0]), panes_,    textureVersion_,
-            backdropVersion_, comparedVersion_};
+            backdropVersion_, others_.version()};
 }
 
 void Viewer::setPoses(const Shown& now) {
     const Theta theta = thetaOf(now.pose);
     const Trans trans = transOf(now.pose);
     scene_->setPose(theta, trans, now.betas);
-    if (compared_) compared_->setPose(theta, trans, now.betas, avatar_->avatar);
+    others_.setPose(now.pose, now.betas, avatar_->avatar, row());
 }
 
 // Whether the picture becomes finer: the mouse rests, and there is something to be gained.
 bool Viewer::refines() const {
-    return shown_ && !panes_.empty() && !film_ && !interacting() && refinements_ < kRefinements;
+    return shown_ && !panes_.empty() && !interacting() && refinements_ < kRefinements;
 }
 
 void Viewer::updatePictures() {
@@ -243,14 +249,17 @@ void Viewer::updatePictures() {
     if (!sameView) ++viewVersion_;
     if (shown_ && *shown_ == now) {
         if (!refines()) return;
-        // A film that was given up may have left another.
+        // Ghosts may have left another.
         setPoses(now);
         for (size_t i = 0; i < panes_.size(); ++i) {
             const Pane& pane = panes_[i];
             if (!pane.other) useTexture(pane.texture);
-            pixels_[i] = sceneOf(pane).refine(pane.mesh, cameraOf(pane), view(), shadeOptions(pane),
-                                              behind(pane), static_cast<int>(i), refinements_,
-                                              std::move(pixels_[i]));
+            std::vector<float> depths;
+            const std::span<const uint32_t> background = behind(pane, refinements_, depths);
+            pixels_[i] =
+                sceneOf(pane).refine(pane.mesh, cameraOf(pane), view(), shadeOptions(pane),
+                                     background, static_cast<int>(i), refinements_,
+                                     std::move(pixels_[i]), depths.empty() ? nullptr : &depths);
         }
         ++refinements_;
         framesToDraw_ = std::max(framesToDraw_, 1);
@@ -266,8 +275,11 @@ void Viewer::updatePictures() {
     for (size_t i = 0; i < panes_.size(); ++i) {
         const Pane& pane = panes_[i];
         if (!pane.other) useTexture(pane.texture);
-        pixels_[i] = sceneOf(pane).draw(pane.mesh, cameraOf(pane), view(), shadeOptions(pane),
-                                        behind(pane), 1, std::move(pixels_[i]));
+        std::vector<float> depths;
+        const std::span<const uint32_t> background = behind(pane, {}, depths);
+        pixels_[i] =
+            sceneOf(pane).draw(pane.mesh, cameraOf(pane), view(), shadeOptions(pane), background, 1,
+                               std::move(pixels_[i]), depths.empty() ? nullptr : &depths);
     }
     times_.draw = millisecondsSince(before);
     shown_ = std::move(now);
@@ -295,7 +307,7 @@ void Viewer::updateTextures() {
         ++textureVersion_;
         framesToDraw_ = std::max(framesToDraw_, 1);
     }
-    if (film_ || panes_.empty() || painter_->busy() || !shown_) return;
+    if (panes_.empty() || painter_->busy() || !shown_) return;
     if (interacting() && paintSeconds_ > kFastPainter) return;
     for (const Pane& pane : panes_) {
         if (pane.other || !paintsViews(pane.texture) || settings_.paint != kPaintTexture) continue;

@@ -40,6 +40,8 @@ Preferences readPreferences(const fs::path& state) {
                        fileIn(state).string(), "preferences");
         if (document.value("theme", "") == "light") found.theme = Theme::Light;
         found.snap = document.value("snap", false);
+        found.touchpad = document.value("touchpad", false);
+        if (std::string keys = document.value("keys", ""); !keys.empty()) found.keys = keys;
         const double scale = document.value("scale", 1.);
         if (scale >= kSmallestScale && scale <= kLargestScale) found.scale = scale;
         for (const json& path : document.value("recent", json::array()))
@@ -67,6 +69,8 @@ void writePreferences(const fs::path& state, const Preferences& preferences) {
     const json document = {{"theme", preferences.theme == Theme::Light ? "light" : "dark"},
                            {"scale", preferences.scale},
                            {"snap", preferences.snap},
+                           {"keys", preferences.keys},
+                           {"touchpad", preferences.touchpad},
                            {"recent", preferences.recent},
                            {"bookmarks", bookmarks}};
     try {

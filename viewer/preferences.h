@@ -24,6 +24,8 @@ struct Preferences {
     Theme theme = Theme::Dark;
     double scale = 1;                   // of the interface
     bool snap = false;                  // rings turn by steps unless Ctrl is held, not if it is
+    std::string keys = "gltf";          // a preset or a file, as Bindings::named() takes it
+    bool touchpad = false;              // Bindings::useTouchpad()
     std::map<int, Bookmark> bookmarks;  // by the digit that brings them back, 1 to 9
     bool operator==(const Preferences&) const = default;
 };

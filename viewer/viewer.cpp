@@ -38,6 +38,7 @@ Viewer::Viewer(const ViewerOptions& options)
       device_(options.device),
       library_(options.state.empty() ? fs::path() : options.state / "poses"),
       recovery_(options.state) {
+    openKeys();
     useAvatar(avatar_);
     uiScale_ =
         std::clamp(options.scale.value_or(preferences_.scale), kSmallestScale, kLargestScale);
@@ -50,7 +51,7 @@ Viewer::Viewer(const ViewerOptions& options)
     editor_ = std::make_unique<PoseEditor>(poseOf(rest.theta, rest.trans), avatar_->avatar.betas);
     if (!options.motion.empty()) loadMotion(options.motion, options.frames);
     if (!options.pose.empty()) pastePose(options.pose);
-    if (!options.beside.empty()) compareWith(options.beside);
+    for (const fs::path& other : options.beside) compareWith(other);
     editor_->markSaved();  // all of it comes from files
     layOut();
     frameAll();
@@ -87,7 +88,6 @@ void Viewer::useAvatar(std::shared_ptr<LoadedAvatar> avatar) {
 }
 
 void Viewer::reloadIfChanged() {
-    if (film_) return;  // of one person from start to end
     std::shared_ptr<LoadedAvatar> now = source_.changed();
     if (!now) return;
     bool wasTextured = avatar_->textured, hadBest = settings_.texture == bestTexture();
@@ -161,11 +161,12 @@ bool Viewer::interacting() const {
            Clock::now() - lastTouched_ < std::chrono::duration<double>(kSettleSeconds);
 }
 
-bool Viewer::settled() const {
+bool Viewer::settled() const { return quiet() && !working(); }
+
+bool Viewer::quiet() const {
     bool pictured =
         panes_.empty() || (shown_ && *shown_ == wanted() && refinements_ == kRefinements);
-    return pictured && !interacting() && !painter_->busy() && !search_ && framesToDraw_ == 0 &&
-           !working();
+    return pictured && !interacting() && !painter_->busy() && !search_ && framesToDraw_ == 0;
 }
 
 bool Viewer::frame() {
@@ -173,20 +174,23 @@ bool Viewer::frame() {
         if (editor_->modified() && givenUpVersion_ != editor_->version()) {
             window_.keepOpen();
             askToLeave();
-        } else if (!export_) {  // it is finished first
+        } else if (film_ && !leaveAfterFilm_) {
+            window_.keepOpen();
+            if (!question_) askToLeaveFilm();
+        } else if (!export_ && !film_) {  // it is finished first
             recovery_.clear();
             return false;
         }
     }
     if (messagesDrawn_ != visibleMessages()) framesToDraw_ = std::max(framesToDraw_, 1);
-    bool rests = settled();
+    bool rests = quiet();
     // What comes from threads wakes the window.
     double wait = rests || painter_->busy() || search_ ? 0.25
                   : interacting() && !playing_         ? 0.02
                                                        : 0;
     if (refines()) wait = 0;
-    if (framesToDraw_ > 0 || playing_ || working()) wait = 0;
-    if (!drawable_) wait = working() ? 0.01 : 0.25;
+    if (framesToDraw_ > 0 || playing_) wait = 0;
+    if (!drawable_) wait = 0.25;
     if (dialog_.isOpen()) wait = std::min(wait, 0.05);
     drawable_ = window_.begin(wait);
     reloadIfChanged();
@@ -197,7 +201,7 @@ bool Viewer::frame() {
     keepSession(false);
     if (!drawable_) return true;
     if (window_.touched()) framesToDraw_ = 3;  // ImGui answers some events a frame later
-    if (rests && settled() && !tipPending()) return true;
+    if (rests && quiet() && !tipPending()) return true;
 
     forgetItems();
     window_.beginFrame();
@@ -210,7 +214,7 @@ bool Viewer::frame() {
     followMotion();
     attempt([&] { followInspected(); });
     updateTextures();
-    if (!film_) updatePictures();
+    updatePictures();
     drawOverlays();
     drawLegend();
     drawPanel();
@@ -222,6 +226,10 @@ bool Viewer::frame() {
     for (size_t i = 0; shown_ && i < pixels_.size(); ++i) {
         const Pane& pane = shown_->panes[i];
         placed.push_back({pane.x, pane.y, pane.width, pane.height, pixels_[i]});
+    }
+    if (const auto preview = filmPreview()) {
+        placed.push_back(*preview);
+        drawFilmPreview(*preview);
     }
     auto drawn = Clock::now();
     window_.end(placed);
@@ -298,7 +306,7 @@ void Viewer::advanceTimeline() {
     auto now = Clock::now();
     double passed = std::chrono::duration<double>(now - lastTick_).count();
     lastTick_ = now;
-    if (playing_ && !film_) {
+    if (playing_) {
         auto last = static_cast<double>(frameCount() - 1);
         timeline_ += passed * speed_ * fps();
         if (timeline_ > last) {

@@ -18,10 +18,13 @@
 #include "trainer/data/frame_cache.h"
 #include "trainer/motion/motion.h"
 #include "trainer/motion/retarget/retarget.h"
-#include "viewer/compare/compared.h"
+#include "viewer/compare/company.h"
+#include "viewer/films/film_plan.h"
+#include "viewer/films/film_thread.h"
 #include "viewer/inspect/inspected.h"
 #include "viewer/inspect/sightings.h"
 #include "viewer/job.h"
+#include "viewer/keys/bindings.h"
 #include "viewer/live_avatar.h"
 #include "viewer/picture/orbit_camera.h"
 #include "viewer/picture/painter.h"
@@ -42,22 +45,23 @@ namespace doppel {
 struct ViewerOptions {
     DeviceOptions device;  // that computes the pictures
     std::filesystem::path avatar;
-    std::filesystem::path motion;    // a capture, poses.npz or .bvh; may be empty
-    std::filesystem::path beside;    // an avatar to compare with; may be empty
-    std::filesystem::path pose;      // a pose's JSON to begin with; may be empty
-    std::string frames;              // of the motion: selectFrames; empty: all
-    RetargetSettings retarget;       // of all motions that are opened
-    int width = 1280, height = 800;  // of the window
+    std::filesystem::path motion;               // a capture, poses.npz or .bvh; may be empty
+    std::vector<std::filesystem::path> beside;  // avatars to see with this one
+    std::filesystem::path pose;                 // a pose's JSON to begin with; may be empty
+    std::string frames;                         // of the motion: selectFrames; empty: all
+    RetargetSettings retarget;                  // of all motions that are opened
+    int width = 1280, height = 800;             // of the window
     // Where what is not saved is kept for the next start (viewer/recovery.h); empty: nowhere.
     std::filesystem::path state;
     std::optional<double> scale;  // of the interface; without: as it was chosen before, else 1
     std::optional<Theme> theme;
+    std::string keys;    // "gltf", "blender" or a file (viewer/keys); empty: as chosen before
     std::string camera;  // as cameraText(); empty: all of the body is seen from the front
 };
 
 // What is compared side by side, to the left what is named first: body and refined, coarse and
-// refined, this avatar and another.
-enum class Split { None, Meshes, Textures, Avatars };
+// refined, this avatar and others; or all of these in one scene.
+enum class Split { None, Meshes, Textures, Avatars, Together };
 
 enum class Backdrop { Colour, Picture, Capture };
 
@@ -76,12 +80,15 @@ struct ViewSettings {
     Split split = Split::None;
     bool divided = false;  // what is compared is one picture with a line, where the divider is
     float divider = .5f;   // part of the picture's width
+    double apart = .9;     // of avatars in one scene, metres
     Backdrop backdrop = Backdrop::Colour;
     std::array<float, 3> colour{0.20f, 0.22f, 0.25f};
     bool captureCamera = false;
     bool floor = false;
     int ghosts = 0, ghostSpacing = 5;  // to each side; frames
     bool joints = true, limits = true, balance = true;
+    bool holdFeet = false;    // the floor holds feet that stand on it while something is dragged
+    bool aboveFloor = false;  // nothing is dragged below the floor
     RingAxes ringAxes = RingAxes::Own;
     bool symmetric = false;         // what is done to one side is done to the other
     std::array<bool, kLimbs> fk{};  // drags turn one bone of that Limb, and not all of it
@@ -90,8 +97,6 @@ struct ViewSettings {
     Theme theme = Theme::Dark;
     bool operator==(const ViewSettings&) const = default;
 };
-
-struct ExportJob;  // job.h
 
 class Viewer {
 public:
@@ -134,6 +139,7 @@ public:
     // Of the highest point above the floor, metres; nothing where there is no floor.
     std::optional<double> height(MeshKind mesh);
     const Preferences& preferences() const { return preferences_; }
+    const Bindings& keys() const { return keys_; }
     // The point of the surface that was clicked on last while the panel shows the inspector, and,
     // once they are counted, the training frames that show it.
     const std::optional<Inspected>& inspected() const { return inspected_; }
@@ -179,19 +185,20 @@ public:
     // Another person in the same pose, motion and view. InputError, with nothing changed, where
     // there is no avatar.
     void openAvatar(const std::filesystem::path& folder);
-    // Shows another person, or another training's state, beside this one: in the same pose, from
-    // the same place. InputError likewise.
+    // Shows another person, or another training's state, with this one and those that there are:
+    // in the same pose. InputError likewise.
     void compareWith(const std::filesystem::path& folder);
     void loadPicture(const std::filesystem::path& path);
     void startFilm(const std::filesystem::path& out, const FilmSettings& settings = {});
+    void startFilmAsSet();  // as the panel says
     void startExport(const std::filesystem::path& out);
     void cancelFilm();
     float filmProgress() const;
     void saveScreenshot(const std::filesystem::path& path);
-    bool working() const { return film_ != nullptr || export_ != nullptr; }
+    bool working() const { return film_ || export_; }
 
 private:
-    enum class Drag { None, Orbit, Pan, Dolly, Joint, Ring, Divider };
+    enum class Drag { None, Click, Orbit, Pan, Dolly, Joint, Ring, Divider };
     using Clock = std::chrono::steady_clock;
 
     // What pictures show.
@@ -224,13 +231,6 @@ private:
     struct SavedFile {
         std::filesystem::path path;
         std::filesystem::file_time_type time{};
-    };
-    // The body in a frame near the one that is shown.
-    struct Ghost {
-        Pose pose;
-        std::array<double, 3> tint{};
-        double opacity = 0;
-        bool operator==(const Ghost&) const = default;
     };
     struct Message {
         std::string text;
@@ -272,6 +272,7 @@ private:
     void say(std::string text, bool wrong = false);
     void attempt(const std::function<void()>& action);
     bool interacting() const;
+    bool quiet() const;  // nothing is to be drawn but what jobs bring
     void undo();
     void redo();
 
@@ -303,9 +304,15 @@ private:
 
     // jobs.cpp
     void advanceJobs();
-    void advanceFilm();
-    void endFilm();
     Motion shownMotion() const;
+
+    // films/filming.cpp
+    void advanceFilm();
+    void askToGiveFilmUp();
+    void askToLeaveFilm();
+    std::optional<PlacedPicture> filmPreview();
+    void drawFilmPreview(const PlacedPicture& at) const;
+    void drawFilmControls(bool enabled);
 
     // pictures.cpp
     void layOut();
@@ -313,6 +320,8 @@ private:
     Camera cameraOf(const Pane& pane) const;
     std::span<const uint32_t> backgroundOf(Pane pane);
     std::span<const uint32_t> behind(const Pane& pane);
+    std::span<const uint32_t> behind(const Pane& pane, std::optional<int> refinement,
+                                     std::vector<float>& depths);
     ShadeOptions shadeOptions(const Pane& pane) const;
     Shown wanted() const;
     void updatePictures();
@@ -320,10 +329,28 @@ private:
     void useTexture(TextureKind kind);
     void updateTextures();
 
-    // interaction.cpp
+    // keys/
     void handleKeys();
+    void perform(Action action, int digit);
+    void cancel();
+    void stepToKey(bool on);
+    void beginModalDrag(Drag drag);
+    bool typesIntoDrag(const Chord& chord);
+    double modalAngle();
+    // A preset or a file from now on; InputError, with nothing changed, where it is neither.
+    void useKeys(const std::string& nameOrFile);
+    void chooseKeys(const std::string& nameOrFile);  // for the next starts, too
+    void openKeys();
+    void drawKeysControls();
+    void drawHelp();
+
+    // interaction.cpp
+    static int heldModifiers();
+    std::optional<Drag> cameraDrag() const;
+    bool onHandle() const;
+    void turnWheel();
     void handleMouse();
-    void beginJointDrag(size_t joint);
+    void beginJointDrag(size_t joint, const std::string& what = "move ");
     void dragJoint();
     void endDrag();
     void dragRing();
@@ -335,11 +362,17 @@ private:
     void lookFrom(double yaw, double pitch);
     const Pane* paneAt(double x, double y) const;
     Scene& sceneOf(const Pane& pane);
-    Camera viewCameraOf(const Pane& pane) const;
+    Camera viewCameraOf(const Pane& pane, double time) const;
     void setPoses(const Shown& now);
     void chooseCompared();
     void nextSplit();
-    std::pair<std::string, std::string> splitNames() const;  // of what is left and right
+    std::vector<std::string> personNames() const;
+    std::vector<std::string> paneNames() const;
+    std::optional<Company::Row> row();
+    void drawOthers(const Pane& pane, std::optional<int> refinement, std::vector<uint32_t>& pixels,
+                    std::vector<float>& depths);
+    void drawCompanyControls();
+    void drawPersonNames(const Pane& pane);
     void followCompared();
     std::optional<double> dividerAt() const;
     bool onDivider(double x) const;
@@ -350,6 +383,7 @@ private:
     // Joints, rings and bones are drawn, and taken by the mouse.
     bool handles() const { return settings_.joints && !inspecting(); }
     std::optional<size_t> jointAt(double x, double y) const;
+    static constexpr int kNoRing = 3;  // the line of sight
     struct RingHit {
         int axis;
         glm::dvec3 direction;  // the axis in the world
@@ -359,6 +393,8 @@ private:
     std::vector<glm::dvec2> ring(int axis, const Pane& pane) const;
     // The selected joint's, as columns in the world.
     glm::dmat3 ringAxes(const PosedSkeleton& body) const;
+    std::set<size_t> pinsOfDrag(const PosedSkeleton& began);
+    Pose solvedAboveFloor(std::vector<IkTarget> targets, size_t dragged);
     // Whether what is done to this joint is done to the one across, which no pin holds.
     bool editsBothSides(size_t joint) const;
     // What an edit of the joint makes of `began`: within limits, on both sides.
@@ -380,15 +416,14 @@ private:
 
     // floor.cpp
     void findFloor();
-    std::optional<RigidMotion> worldToFloor();
-    void drawFloor(const RigidMotion& floor, const Pane& pane, std::vector<uint32_t>& pixels);
+    std::optional<RigidMotion> worldToFloor() { return worldToFloor(timeline_); }
+    std::optional<RigidMotion> worldToFloor(double time);
+    double floorLine() const { return 1.2 * window_.unit() * window_.scale(); }  // pixels
     void drawHeight(const Pane& pane);
 
     // ghosts.cpp
-    // Those that are to be seen now, the furthest first.
-    std::vector<Ghost> ghosts() const;
-    void drawGhosts(const std::vector<Ghost>& ghosts, const Pane& pane,
-                    std::vector<uint32_t>& pixels);
+    // Those of the timeline's `time`, the furthest first.
+    std::vector<Ghost> ghosts(double time) const;
 
     // legend.cpp
     void drawLegend();
@@ -401,7 +436,6 @@ private:
     // panel.cpp
     void drawPanel();
     void drawTimeline();
-    void drawHelp();
     void drawStatus();
     void drawQuestion();
     void drawViewTab();
@@ -409,7 +443,6 @@ private:
     void drawKeptPoses();
     void drawShapeTab();
     void drawFilesTab();
-    void drawFilmControls(bool enabled);
 
     ViewerOptions options_;
     LiveAvatar source_;
@@ -419,8 +452,7 @@ private:
     Window window_;
     Device device_;
     std::unique_ptr<Scene> scene_;
-    std::unique_ptr<Compared> compared_;  // null: nobody
-    uint64_t comparedVersion_ = 0;
+    Company others_{device_};
     std::unique_ptr<Painter> painter_;
     std::unique_ptr<PoseEditor> editor_;
     mutable Skeleton skeleton_{};
@@ -452,6 +484,7 @@ private:
     uint64_t backdropVersion_ = 1;
     std::vector<uint32_t> background_;
     std::map<int, std::vector<uint32_t>> backgroundParts_;  // by the pane's x
+    std::vector<uint32_t> row_;                             // of avatars, and what is behind them
     std::array<int64_t, 5> backgroundKey_{-1, -1, -1, -1, -1};
     // The floor: from the poses' world, y up. Nothing where the motion's feet stand nowhere.
     struct FloorOf {
@@ -462,6 +495,7 @@ private:
     };
     std::optional<FloorOf> floorOf_;  // that is known
     std::optional<RigidMotion> floor_;
+    Proportions proportions_;  // of the body that it was found for
     // What is behind the avatar besides the background, and what that was drawn of.
     struct Behind {
         Pose pose;
@@ -472,6 +506,8 @@ private:
         std::array<int64_t, 5> background{};
         std::optional<RigidMotion> floor;
         std::vector<Ghost> ghosts;
+        uint64_t others = 0;          // Company::version()
+        std::optional<double> apart;  // of a row
         bool operator==(const Behind&) const = default;
     };
     std::map<int, std::pair<Behind, std::vector<uint32_t>>> behind_;  // by the pane's x
@@ -498,6 +534,14 @@ private:
     RingHit dragRing_{};
     double dragAsked_ = 0,
            dragTurned_ = 0;  // by the ring, radians: by the mouse, and as limits let
+    // A drag that a key began.
+    struct Modal {
+        std::string typed;                // degrees
+        std::optional<double> direction;  // of the mouse from the joint, radians
+        double turned = 0;                // radians on the picture, clockwise
+    };
+    std::optional<Modal> modal_;
+    Bindings keys_;
 
     // The panel.
     std::string tab_, tabWanted_;  // that is open; that shall be
@@ -515,9 +559,12 @@ private:
     Searched searched_;
 
     // Long jobs.
-    std::unique_ptr<FilmJob> film_;
-    FilmSettings filmSettings_;  // of the panel
-    int filmKind_ = 0;           // of videoKinds(), and behind them a folder of pictures
+    std::unique_ptr<FilmThread> film_;
+    bool leaveAfterFilm_ = false;       // the window closes once it has ended
+    Image filmPicture_;                 // that was drawn last
+    std::vector<uint32_t> filmPixels_;  // of it, as the window shows them
+    FilmSettings filmSettings_;         // of the panel
+    int filmKind_ = 0;                  // of videoKinds(), and behind them a folder of pictures
     std::unique_ptr<ExportJob> export_;
     std::array<char, 512> pathText_{};
 

@@ -11,6 +11,10 @@ struct ShadeParams {
     uint blueFirst;  // 1: bytes of a pixel are B, G, R, A
     Divisor byWidth;
 };
+struct LayerParams {
+    uint width, height;  // of the picture
+    Divisor byWidth;
+};
 struct AccumulateParams {
     uint pixels;
 };

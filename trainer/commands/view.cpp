@@ -23,7 +23,8 @@ void declareFlags(CommandFlags& flags, ViewOptions& o) {
                "A capture, a poses.npz, BVH, FBX, glTF, AMASS or an estimator's poses to play");
     flags.frames(o.viewer.frames, "Frames of the motion");
     flags.retarget(o.viewer.retarget);
-    flags.path("--beside", o.viewer.beside, "Another avatar, to compare this one with");
+    flags.paths("--beside", o.viewer.beside,
+                "Another avatar, to see with this one; may be given several times");
     flags.path("--pose", o.viewer.pose, "A pose to begin with, JSON as the viewer copies it");
     flags->add_option("--camera", o.viewer.camera,
                       "Where to look from, as the viewer copies it (Ctrl + Shift + C)");
@@ -34,6 +35,9 @@ void declareFlags(CommandFlags& flags, ViewOptions& o) {
         ->check(CLI::Range(kSmallestScale, kLargestScale));
     flags->add_option("--theme", o.theme, "dark or light; without: as chosen last")
         ->check(CLI::IsMember({"dark", "light"}));
+    flags->add_option("--keys", o.viewer.keys,
+                      "gltf or blender, whose habits keys and mouse have, or a file that says what "
+                      "they do; without: as chosen last");
     const auto setSize = [&o](const std::string& text) {
         int used = 0;
         if (std::sscanf(text.c_str(), "%dx%d%n", &o.viewer.width, &o.viewer.height, &used) != 2 ||
@@ -66,6 +70,7 @@ const Command<ViewOptions> kView{{
             if (!options.theme.empty())
                 viewer.theme = options.theme == "light" ? Theme::Light : Theme::Dark;
             if (!viewer.camera.empty()) readCameraText(viewer.camera);  // before a window opens
+            if (!viewer.keys.empty()) Bindings::named(viewer.keys);
             Viewer(viewer).run();
         },
 }};

@@ -12,7 +12,7 @@ void Compared::use(std::shared_ptr<LoadedAvatar> avatar) {
     avatar_ = std::move(avatar);
     const Avatar& now = avatar_->avatar;
     scene_ = std::make_unique<Scene>(device_, now);
-    scene_->setTexture(now.bakedTexture.empty() ? now.texture : now.bakedTexture);
+    scene_->setTexture(texture());
 }
 
 bool Compared::reload() {
@@ -24,9 +24,13 @@ bool Compared::reload() {
 
 void Compared::setPose(const Theta& theta, const Trans& trans, const Betas& betas,
                        const Avatar& edited) {
+    scene_->setPose(theta, trans, betasFor(betas, edited));
+}
+
+Betas Compared::betasFor(const Betas& betas, const Avatar& edited) const {
     Betas own = avatar_->avatar.betas;
     for (size_t k = 0; k < own.size(); ++k) own[k] += betas[k] - edited.betas[k];
-    scene_->setPose(theta, trans, own);
+    return own;
 }
 
 MeshKind Compared::mesh(MeshKind wanted) const {

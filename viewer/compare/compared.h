@@ -20,7 +20,15 @@ public:
     // betas: of `edited`, as they are set; what was changed of them changes here as well.
     void setPose(const Theta& theta, const Trans& trans, const Betas& betas, const Avatar& edited);
 
+    Betas betasFor(const Betas& betas, const Avatar& edited) const;
+
     Scene& scene() { return *scene_; }
+    // The best for all views.
+    const std::vector<float>& texture() const {
+        return avatar().bakedTexture.empty() ? avatar().texture : avatar().bakedTexture;
+    }
+    const Avatar& avatar() const { return avatar_->avatar; }
+    const std::shared_ptr<LoadedAvatar>& loaded() const { return avatar_; }
     // The mesh network's where it has one and that is wanted.
     MeshKind mesh(MeshKind wanted) const;
     const std::filesystem::path& folder() const { return source_.folder(); }

@@ -21,7 +21,7 @@ const char* originName(TexelOrigin origin) {
     }
 }
 
-void row(const char* name, const std::string& value) {
+void addRow(const char* name, const std::string& value) {
     ImGui::TableNextRow();
     ImGui::TableNextColumn();
     hint(name);
@@ -90,20 +90,20 @@ void Viewer::drawInspectTab() {
         ImGui::TableSetupColumn("what", ImGuiTableColumnFlags_WidthFixed,
                                 std::ceil(ImGui::CalcTextSize("first colour").x));
         ImGui::TableSetupColumn("value", ImGuiTableColumnFlags_WidthStretch);
-        row("vertex", fmt::format("{}", at.vertex));
-        row("part", partName(at.part));
-        row("UV", fmt::format("{:.4f}, {:.4f}", at.uv.x, at.uv.y));
-        row("texel", fmt::format("{}, {} of {} x {}", at.texel.x, at.texel.y, size, size));
-        row("K(v)", fmt::format("{:.1f} mm", 1e3 * at.bound));
-        row("first colour",
+        addRow("vertex", fmt::format("{}", at.vertex));
+        addRow("part", partName(at.part));
+        addRow("UV", fmt::format("{:.4f}, {:.4f}", at.uv.x, at.uv.y));
+        addRow("texel", fmt::format("{}, {} of {} x {}", at.texel.x, at.texel.y, size, size));
+        addRow("K(v)", fmt::format("{:.1f} mm", 1e3 * at.bound));
+        addRow("first colour",
             at.origin ? originName(*at.origin) : "not known: the avatar has no texels_seen.png");
         if (search_)
-            row("seen", "counting the frames ...");
+            addRow("seen", "counting the frames ...");
         else if (!sightings_)
-            row("seen",
+            addRow("seen",
                 "not known: what plays is no capture with frames that the avatar was trained on");
         else
-            row("seen",
+            addRow("seen",
                 fmt::format("in {} of {} training frames{}", sightings_->seen, sightings_->frames,
                             sightings_->best
                                 ? fmt::format(", largest in frame {}", *sightings_->best)

@@ -78,4 +78,21 @@ void paintFloor(std::span<uint32_t> picture, const Camera& camera, const ToFloor
         }
 }
 
+void drawFloor(std::span<uint32_t> picture, const Camera& camera, const ViewTransform& view,
+               const RigidMotion& toFloor, const glm::dvec3& pelvis, double line,
+               std::span<const FloorBody> bodies) {
+    ToFloor seen;
+    seen.rotation = toFloor.rotation * glm::transpose(view.rotation);
+    seen.translation = toFloor.translation - seen.rotation * view.translation;
+    const glm::dvec3 centre = toFloor.rotation * pelvis + toFloor.translation;
+    std::vector<float> shadow(picture.size());
+    for (const FloorBody& body : bodies) {
+        const std::vector<float> own =
+            contactShadow(body.verts, body.faces, asGround(seen), camera);
+        // What is left of the light is what the one and the other leave.
+        for (size_t i = 0; i < shadow.size(); ++i) shadow[i] = 1 - (1 - shadow[i]) * (1 - own[i]);
+    }
+    paintFloor(picture, camera, seen, {centre.x, centre.z}, line, shadow);
+}
+
 }  // namespace doppel

@@ -4,10 +4,12 @@
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <span>
+#include <vector>
 
 #include "trainer/avatar/films/contact_shadow.h"
 #include "trainer/data/camera.h"
 #include "trainer/data/pose.h"
+#include "viewer/picture/scene.h"
 
 namespace doppel {
 
@@ -22,5 +24,15 @@ Ground asGround(const ToFloor& toFloor);
 // is below the floor, for it would hide the body.
 void paintFloor(std::span<uint32_t> picture, const Camera& camera, const ToFloor& toFloor,
                 const glm::dvec2& centre, double line, std::span<const float> shadow);
+
+// Who throws a shadow on it: vertices [V,3] in camera space, faces [F,3].
+struct FloorBody {
+    std::vector<float> verts;
+    std::span<const int32_t> faces;
+};
+// Grid and shadows: from the poses' world `toFloor`; the grid is around `pelvis` there.
+void drawFloor(std::span<uint32_t> picture, const Camera& camera, const ViewTransform& view,
+               const RigidMotion& toFloor, const glm::dvec3& pelvis, double line,
+               std::span<const FloorBody> bodies);
 
 }  // namespace doppel

@@ -12,7 +12,7 @@ struct Pane {
     // Of the view that it is a part of, from left to right: all of it, but where a line divides
     // one.
     int viewX = 0, viewWidth = 0;
-    bool other = false;  // it shows the avatar that is compared with
+    int other = 0;  // the avatar that it shows: the edited one, or which of the others from 1 on
     MeshKind mesh = MeshKind::Refined;
     TextureKind texture = TextureKind::Coarse;
     bool operator==(const Pane&) const = default;

@@ -98,6 +98,7 @@ struct Scene::Posing {
 struct Scene::Drawing {
     Graph graph;
     Tensor rotation, translation, camera, state, background, picture, count;
+    Tensor behindDepths, depths;  // where there are others
     int taken = 0;                // refinements that are in the mean
     std::vector<int32_t> behind;  // as written to background
     std::vector<uint32_t> drawn;  // as read from picture
@@ -152,6 +153,23 @@ struct Scene::Drawing {
                               {"picture", picture},
                               {"spans", spans}},
                              params, spanGroups(device, picture.elements()), spec);
+        if (key.layered) {
+            behindDepths = graph.input({key.height, key.width});
+            depths = graph.temporary(behindDepths.shape);
+            LayerParams layer{params.width, params.height, params.byWidth};
+            graph.beginOp("layer");
+            graph.dispatch("view/layer.forward",
+                           {{"index", seen.index},
+                            {"screen", seen.screen},
+                            {"faces", mesh.faceVertices},
+                            {"behind", behindDepths},
+                            {"background", background},
+                            {"picture", picture},
+                            {"nearest", depths}},
+                           layer, u32(picture.elements()),
+                           {{"samples", u32(key.samples)}, {"keys", seen.keys ? 1u : 0u}});
+            graph.output(depths);
+        }
         if (key.inset > 0)
             graph.dispatch("view/shade.inset",
                            {{"tex", tex}, {"visibility", map}, {"picture", picture}}, params,
@@ -384,14 +402,15 @@ struct Scene::Drawn {
 
 std::vector<uint32_t> Scene::draw(MeshKind mesh, const Camera& camera, const ViewTransform& view,
                                   const ShadeOptions& options, std::span<const uint32_t> background,
-                                  int samples, std::vector<uint32_t> reused) {
+                                  int samples, std::vector<uint32_t> reused,
+                                  std::vector<float>* depths) {
     if (!hasRefinedMesh()) mesh = MeshKind::Body;
     const std::vector<float>& verts = posed(mesh).hostVerts;
     const auto width = static_cast<size_t>(camera.width);
     std::vector<uint32_t> picture = std::move(reused);
     PixelBox whole = boxOf(verts, camera, view, options), box = whole;
     // What a pixel of the visibility map shows depends on faces elsewhere.
-    bool onLast = drawn_ && drawn_->pixels == picture.data() && drawn_->mesh == mesh &&
+    bool onLast = !depths && drawn_ && drawn_->pixels == picture.data() && drawn_->mesh == mesh &&
                   drawn_->camera == camera && drawn_->view == view && drawn_->options == options &&
                   drawn_->samples == samples && drawn_->textureVersion == textureVersion_ &&
                   insetOf(options, camera) == 0 && options.paint != kPaintVisibility &&
@@ -416,7 +435,11 @@ std::vector<uint32_t> Scene::draw(MeshKind mesh, const Camera& camera, const Vie
         picture.resize(background.size());
         copyPixels(background, picture.data(), options.blueFirst);
     }
-    drawBox(box, mesh, camera, view, options, samples, picture);
+    drawBox(box, mesh, camera, view, options, samples, picture, depths);
+    if (depths) {
+        drawn_.reset();  // others may be in front of what has moved
+        return picture;
+    }
     if (!drawn_) drawn_ = std::make_unique<Drawn>();
     if (!onLast) drawn_->background.assign(background.begin(), background.end());
     drawn_->mesh = mesh;
@@ -433,27 +456,29 @@ std::vector<uint32_t> Scene::draw(MeshKind mesh, const Camera& camera, const Vie
 std::vector<uint32_t> Scene::refine(MeshKind mesh, const Camera& camera, const ViewTransform& view,
                                     const ShadeOptions& options,
                                     std::span<const uint32_t> background, int place, int refinement,
-                                    std::vector<uint32_t> reused) {
+                                    std::vector<uint32_t> reused, std::vector<float>* depths) {
     if (!hasRefinedMesh()) mesh = MeshKind::Body;
     std::vector<uint32_t> picture = std::move(reused);
     picture.resize(background.size());
     copyPixels(background, picture.data(), options.blueFirst);
     // Of the camera that is not shifted, so that all are of one size; it has a pixel to spare.
     PixelBox box = boxOf(posed(mesh).hostVerts, camera, view, options);
-    drawBox(box, mesh, camera, view, options, 1, picture, place, refinement);
+    drawBox(box, mesh, camera, view, options, 1, picture, depths, place, refinement);
     drawn_.reset();  // a part of a mean cannot be drawn again
     return picture;
 }
 
 void Scene::drawBox(const PixelBox& box, MeshKind mesh, const Camera& camera,
                     const ViewTransform& view, const ShadeOptions& options, int samples,
-                    std::vector<uint32_t>& picture, int place, int refinement) {
+                    std::vector<uint32_t>& picture, std::vector<float>* depths, int place,
+                    int refinement) {
     if (box.area() == 0) return;
     Posing& posing = posed(mesh);
     if (needsNormals(options)) posing.findNormals();
-    Drawing& d = drawing({place, mesh, box.width, box.height, samples, options.paint, options.lit,
-                          options.wireframe, options.blueFirst, insetOf(options, camera)},
-                         posing);
+    Drawing& d =
+        drawing({place, mesh, box.width, box.height, samples, options.paint, options.lit,
+                 options.wireframe, options.blueFirst, insetOf(options, camera), depths != nullptr},
+                posing);
     auto f = [](double value) { return static_cast<float>(value); };
     glm::dvec3 light = glm::normalize(options.light);
     const glm::dmat3& r = view.rotation;  // columns first
@@ -494,8 +519,21 @@ void Scene::drawBox(const PixelBox& box, MeshKind mesh, const Camera& camera,
         changed = true;
     }
     if (changed) d.graph.write(d.background, d.behind);
+    std::vector<float> near;
+    if (depths) {
+        CHECK(depths->size() == picture.size(), "a depth for each pixel");
+        near.resize(pixels);
+        for (int y = 0; y < box.height; ++y)
+            std::copy_n(depths->data() + placeOf(y), wide, &near[static_cast<size_t>(y) * wide]);
+        d.graph.write(d.behindDepths, std::span<const float>(near));
+    }
     d.graph.run();
     d.graph.read(d.picture, std::span(d.drawn));
+    if (depths) {
+        d.graph.read(d.depths, std::span(near));
+        for (int y = 0; y < box.height; ++y)
+            std::copy_n(&near[static_cast<size_t>(y) * wide], wide, depths->data() + placeOf(y));
+    }
     for (int y = 0; y < box.height; ++y)
         std::copy_n(&d.drawn[static_cast<size_t>(y) * wide], wide, &picture[placeOf(y)]);
 }

@@ -69,18 +69,22 @@ public:
     // Pixels [H,W] of four bytes. background: the same; samples: per pixel and axis, averaged. Only
     // the rectangle around the avatar is computed, the rest is the background. reused: the last
     // picture as it was returned, or other memory; of the last picture only the rectangle around
-    // the faces that have moved is computed again, where nothing else has changed.
+    // the faces that have moved is computed again, where nothing else has changed. depths [H,W]:
+    // how far away what is in the background is, metres, INFINITY for nothing; what of the avatar
+    // is farther is hidden by it, and the rest of it is there afterwards. null: all is behind.
     std::vector<uint32_t> draw(MeshKind mesh, const Camera& camera, const ViewTransform& view,
                                const ShadeOptions& options, std::span<const uint32_t> background,
-                               int samples = 1, std::vector<uint32_t> reused = {});
+                               int samples = 1, std::vector<uint32_t> reused = {},
+                               std::vector<float>* depths = nullptr);
 
     // The mean of what the cameras of refinements 0 to `refinement` see, with one sample per pixel
     // each. They are asked for in their order, with everything else the same; 0 begins anew. place:
     // a number per picture that is refined at one time. reused: what the one before returned, for
-    // the memory.
+    // the memory. depths: as draw() takes them.
     std::vector<uint32_t> refine(MeshKind mesh, const Camera& camera, const ViewTransform& view,
                                  const ShadeOptions& options, std::span<const uint32_t> background,
-                                 int place, int refinement, std::vector<uint32_t> reused = {});
+                                 int place, int refinement, std::vector<uint32_t> reused = {},
+                                 std::vector<float>* depths = nullptr);
 
     // [V,3] as it is posed now: world, and camera space.
     std::vector<float> vertices(MeshKind mesh);
@@ -102,6 +106,7 @@ private:
         uint32_t paint;
         bool lit, wireframe, blueFirst;
         int inset;
+        bool layered;  // over others, with depths
         bool operator==(const DrawingKey&) const = default;
     };
     static constexpr int kNoPlace = -1;
@@ -109,7 +114,8 @@ private:
     // Draws this part of the picture, where the background is.
     void drawBox(const PixelBox& box, MeshKind mesh, const Camera& camera,
                  const ViewTransform& view, const ShadeOptions& options, int samples,
-                 std::vector<uint32_t>& picture, int place = kNoPlace, int refinement = 0);
+                 std::vector<uint32_t>& picture, std::vector<float>* depths = nullptr,
+                 int place = kNoPlace, int refinement = 0);
     // The ones used last, the latest first.
     std::list<std::pair<DrawingKey, std::unique_ptr<Drawing>>> drawings_;
     // What the last picture was made of.

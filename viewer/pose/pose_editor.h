@@ -98,7 +98,7 @@ public:
 
     // Text for the clipboard (pose_text.h).
     std::string copy() const;
-    void paste(std::string_view text);
+    void paste(std::string_view text, bool mirrored = false);
 
     // ---- keys, in the order of time ----
     // The pose as it is shown at this time: a new key, or in place of the one that is there.

@@ -259,6 +259,26 @@ Pose sideCopied(const Pose& pose, bool leftToRight) {
 
 // ---- limbs --------------------------------------------------------------------------------------
 
+const std::array<size_t, joint::kCount>& jointsByLimb() {
+    using namespace joint;
+    static constexpr std::array<size_t, kCount> kOrder{
+        kPelvis,        kSpine1,       kSpine2,     kSpine3,    kNeck,       kHead,
+        kLeftCollar,    kLeftShoulder, kLeftElbow,  kLeftWrist, kLeftHand,   kRightCollar,
+        kRightShoulder, kRightElbow,   kRightWrist, kRightHand, kLeftHip,    kLeftKnee,
+        kLeftAnkle,     kLeftFoot,     kRightHip,   kRightKnee, kRightAnkle, kRightFoot};
+    return kOrder;
+}
+
+std::optional<Limb> limbOfTree(size_t joint) {
+    const auto& order = jointsByLimb();
+    const auto place = std::ranges::find(order, joint) - order.begin();
+    return place < 6    ? std::nullopt
+           : place < 11 ? std::optional(Limb::LeftArm)
+           : place < 16 ? std::optional(Limb::RightArm)
+           : place < 20 ? std::optional(Limb::LeftLeg)
+                        : std::optional(Limb::RightLeg);
+}
+
 std::optional<Limb> limbOf(const Skeleton& skeleton, size_t joint) {
     constexpr std::array<size_t, kLimbs> kHighest{joint::kLeftShoulder, joint::kRightShoulder,
                                                   joint::kLeftKnee, joint::kRightKnee};

@@ -74,6 +74,11 @@ Pose sideCopied(const Pose& pose, bool leftToRight);
 
 enum class Limb { LeftArm, RightArm, LeftLeg, RightLeg };
 constexpr size_t kLimbs = 4;
+// All joints as an animator lists them: from the pelvis to the head, then limb by limb from the
+// trunk outwards.
+const std::array<size_t, joint::kCount>& jointsByLimb();
+// The limb in that list, which collars and hips belong to; nothing for trunk and head.
+std::optional<Limb> limbOfTree(size_t joint);
 // The limb of which the joint is dragged; nothing for the trunk, collars and hips.
 std::optional<Limb> limbOf(const Skeleton& skeleton, size_t joint);
 

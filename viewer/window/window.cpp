@@ -22,6 +22,18 @@ std::string glfwReason() {
     return text ? text : "no reason given";
 }
 
+// The key that has this on it where the keyboard is not an American one: GLFW numbers keys by their
+// places, and who presses Ctrl and what is labelled Z means to undo. Digits keep their places, for
+// French keyboards print other things there; so does all of what prints no ASCII.
+int labelledKey(int key, int scancode) {
+    const bool prints = key > GLFW_KEY_SPACE && key < GLFW_KEY_ESCAPE;
+    if (!prints || (key >= GLFW_KEY_0 && key <= GLFW_KEY_9)) return key;
+    const char* name = glfwGetKeyName(key, scancode);
+    if (!name || name[0] <= ' ' || name[0] > '~' || name[1] != 0) return key;
+    if (name[0] >= '0' && name[0] <= '9') return key;
+    return name[0] >= 'a' && name[0] <= 'z' ? name[0] - 'a' + GLFW_KEY_A : name[0];
+}
+
 // Pictures side by side from the corner leave what is right of them and below; others anything.
 void place(std::span<const PlacedPicture> pictures, const Canvas& canvas, bool light) {
     int64_t covered = 0;
@@ -102,9 +114,10 @@ void Window::Parts::listen() {
     static constexpr auto of = [](GLFWwindow* w) -> Parts& {
         return *static_cast<Parts*>(glfwGetWindowUserPointer(w));
     };
-    glfwSetKeyCallback(window, [](GLFWwindow* w, int key, int, int action, int modifiers) {
+    glfwSetKeyCallback(window, [](GLFWwindow* w, int key, int scancode, int action, int modifiers) {
         of(w).touched = true;
-        if (action != GLFW_RELEASE) of(w).keys.push_back({key, modifiers, action == GLFW_REPEAT});
+        if (action != GLFW_RELEASE)
+            of(w).keys.push_back({labelledKey(key, scancode), modifiers, action == GLFW_REPEAT});
     });
     glfwSetDropCallback(window, [](GLFWwindow* w, int count, const char** paths) {
         of(w).touched = true;

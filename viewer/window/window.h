@@ -24,7 +24,8 @@ struct PlacedPicture {
     std::span<const uint32_t> pixels;
 };
 
-// A key that went down: GLFW's number and modifier bits.
+// A key that went down: GLFW's number and modifier bits. Letters and signs are those that the
+// keyboard's layout has on it, as ASCII and GLFW number them both.
 struct KeyPress {
     int key = 0, modifiers = 0;
     bool repeated = false;  // it is held, and went down earlier
