@@ -48,10 +48,10 @@ TEST_F(Install, HasProgramsAssetsLicencesAndTheDesktopsFiles) {
           "share/doppel/actor/woman.npz", "share/doppel/actor/woman.png",
           "share/doc/doppel/LICENSE", "share/doc/doppel/assets/NOTICE",
           "share/doc/doppel/docs/formats.md", "share/applications/doppel.desktop",
-          "share/thumbnailers/doppel.thumbnailer",
-          "share/icons/hicolor/scalable/apps/doppel.svg", "share/man/man1/doppel.1",
-          "share/man/man1/doppel-train.1", "share/bash-completion/completions/doppel",
-          "share/zsh/site-functions/_doppel", "share/fish/vendor_completions.d/doppel.fish"})
+          "share/thumbnailers/doppel.thumbnailer", "share/icons/hicolor/scalable/apps/doppel.svg",
+          "share/man/man1/doppel.1", "share/man/man1/doppel-train.1",
+          "share/bash-completion/completions/doppel", "share/zsh/site-functions/_doppel",
+          "share/fish/vendor_completions.d/doppel.fish"})
         EXPECT_TRUE(fs::exists(prefix() / file)) << file;
 }
 
