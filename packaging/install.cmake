@@ -1,7 +1,7 @@
 # What `cmake --install build --prefix PREFIX` copies. The prefix can be moved afterwards.
 
 install(TARGETS doppel doppel-bench RUNTIME)
-install(PROGRAMS scripts/doppel-fetch DESTINATION ${CMAKE_INSTALL_BINDIR})
+install(PROGRAMS scripts/doppel-fetch scripts/doppel-thumbnail DESTINATION ${CMAKE_INSTALL_BINDIR})
 # A component of its own: packages of the programs need no MPI.
 if(TARGET doppel-mpi)
     install(TARGETS doppel-mpi LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/doppel COMPONENT mpi)
@@ -35,6 +35,7 @@ install(FILES ${MANUAL}/doppel.fish
         DESTINATION ${CMAKE_INSTALL_DATADIR}/fish/vendor_completions.d)
 
 install(FILES packaging/doppel.desktop DESTINATION ${CMAKE_INSTALL_DATADIR}/applications)
+install(FILES packaging/doppel.thumbnailer DESTINATION ${CMAKE_INSTALL_DATADIR}/thumbnailers)
 install(FILES packaging/doppel.svg
         DESTINATION ${CMAKE_INSTALL_DATADIR}/icons/hicolor/scalable/apps)
 

@@ -7,7 +7,6 @@
 #include <cstdlib>
 #include <nlohmann/json.hpp>
 
-#include "engine/files/atomic_file.h"
 #include "engine/io/image.h"
 #include "tests/files.h"
 #include "tests/moving_person.h"
@@ -82,18 +81,23 @@ protected:
     // Blender's picture through the camera of the poses, frame by frame from zero; bones are turned
     // about axes of camera space (x right, y down).
     Image picture(size_t frame, const std::map<size_t, glm::dvec3>& turns) {
+        return picture("me.glb", 0, frame, turns);
+    }
+    // first: the motion's frame with which the file begins.
+    Image picture(const char* file, size_t first, size_t frame,
+                  const std::map<size_t, glm::dvec3>& turns) {
         // An export's world is camera space turned by half a turn about x, the lowest vertex of the
         // first frame on the ground and its pelvis above the origin.
-        const std::vector<float> verts =
-            AvatarRenderer(testDevice(), avatar_).vertices(motion_.theta[0], motion_.trans[0]);
+        const std::vector<float> verts = AvatarRenderer(testDevice(), avatar_)
+                                             .vertices(motion_.theta[first], motion_.trans[first]);
         double ground = -INFINITY;
         for (size_t i = 1; i < verts.size(); i += 3) ground = std::max(ground, double{verts[i]});
         const std::vector<double> rest = restJoints(avatar_.body, std::vector<double>(10));
         nlohmann::json pose = nlohmann::json::object();
         for (const auto& [joint, turn] : turns) pose[jointName(joint)] = {turn.x, -turn.y, -turn.z};
-        const Trans& t = motion_.trans[0];
+        const Trans& t = motion_.trans[first];
         const nlohmann::json asked{
-            {"glb", (folder_ / "me.glb").string()},
+            {"model", (folder_ / file).string()},
             {"out", (folder_ / "picture.png").string()},
             {"size", kSize},
             {"fov", 2 * std::atan(kSize / 2. / kFocal) * 180 / std::acos(-1.)},
@@ -101,9 +105,7 @@ protected:
             {"fps", 30},
             {"frame", frame},
             {"pose", pose}};
-        AtomicFile file(folder_ / "scene.json");
-        file.write(asked.dump());
-        file.commit();
+        folder_.write("scene.json", asked.dump());
         run("picture.py", fmt::format("'{}'", (folder_ / "scene.json").string()));
         return readImage(folder_ / "picture.png", 4);
     }
@@ -155,6 +157,15 @@ TEST_F(InBlender, JointsArePosed) {
                          glm::inverse(parents) * turned * parents * jointRotation(theta, joint));
     }
     expectTheSame(picture(kFrame, turns), theta, motion_.trans[kFrame]);
+}
+
+// One pose, as the networks make it; the material and its picture are found beside the mesh.
+TEST_F(InBlender, AnObjIsWhatRenderDraws) {
+    constexpr size_t kFrame = 7;
+    const std::vector<size_t> one{kFrame};
+    const Motion motion = motion_.subset(one);
+    exportAvatar(testDevice(), avatar_, folder_ / "pose.obj", &motion);
+    expectTheSame(picture("pose.obj", kFrame, 0, {}), motion_.theta[kFrame], motion_.trans[kFrame]);
 }
 
 // Binary files, whose bones have axes of Blender's.

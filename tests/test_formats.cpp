@@ -388,6 +388,44 @@ TEST(Formats, Usd) {
     EXPECT_LT(worst, 1e-3);
 }
 
+// By a reader that is not ours, where node and a three.js that reads skeletons in USD are.
+TEST(Formats, UsdAsThreeJsReadsIt) {
+    const std::string script = (test::sourceFolder() / "tests/usd/skin.mjs").string();
+    if (std::system(fmt::format("node '{}' 2>/dev/null", script).c_str()) != 0)
+        GTEST_SKIP() << "no node, or no package three, 0.180 or later";
+    Folder folder;
+    const Avatar avatar = plainAvatar({1, -1, .5f});
+    const Motion motion = walk();
+    exportAvatar(testDevice(), avatar, folder / "a.usda", &motion);
+    BodyPoser poser(testDevice(), avatar.body);
+    for (size_t frame : {size_t{0}, size_t{7}}) {
+        ASSERT_EQ(
+            std::system(fmt::format("node '{}' '{}' {} '{}'", script, (folder / "a.usda").string(),
+                                    frame, (folder / "corners").string())
+                            .c_str()),
+            0);
+        const std::string bytes = bytesOf(folder / "corners");
+        std::vector<float> corners(bytes.size() / sizeof(float));
+        std::memcpy(corners.data(), bytes.data(), bytes.size());
+        ASSERT_EQ(corners.size(), 3 * avatar.body.faces.size());
+        const PosedMesh posed = poser.pose(motion.theta[frame], motion.trans[frame], avatar.betas);
+        glm::dvec3 offset;
+        double worst = 0, low = INFINITY;
+        for (size_t i = 0; i < avatar.body.faces.size(); ++i) {
+            const float* p = &posed.verts[3 * size_t(avatar.body.faces[i])];
+            const glm::dvec3 expected(p[0], -p[1], -p[2]),
+                found(corners[3 * i], corners[3 * i + 1], corners[3 * i + 2]);
+            if (i == 0) offset = found - expected;
+            worst = std::max(worst, glm::length(found - expected - offset));
+            low = std::min(low, found.y);
+        }
+        EXPECT_LT(worst, 1e-3);
+        if (frame == 0) {
+            EXPECT_NEAR(low, 0, 1e-3);
+        }
+    }
+}
+
 TEST(Formats, Obj) {
     Folder folder;
     const Avatar avatar = plainAvatar();
@@ -488,10 +526,18 @@ TEST(Formats, KhronosFindsNothing) {
     const Avatar avatar = plainAvatar();
     const Motion motion = walk();
     exportAvatar(testDevice(), avatar, folder / "plain.glb", nullptr);
-    exportAvatar(testDevice(), avatar, folder / "moving.glb", &motion,
-                 {.names = JointNames::Mixamo, .shapes = true});
-    exportAvatar(testDevice(), avatar, folder / "a.vrm", nullptr, {.shapes = true});
-    for (const char* name : {"plain.glb", "moving.glb", "a.vrm"})
+    exportAvatar(testDevice(), avatar, folder / "plain.vrm", nullptr);
+    exportAvatar(testDevice(), avatar, folder / "whole.vrm", nullptr,
+                 {.shapes = true, .author = "Ada", .licence = "https://example.org/licence"});
+    const std::vector<Motion> more{motion, motion};
+    for (JointNames names :
+         {JointNames::Smpl, JointNames::Vrm, JointNames::Mixamo, JointNames::Unreal})
+        exportAvatar(testDevice(), avatar, folder / fmt::format("moving-{}.glb", int(names)),
+                     &motion, {.names = names, .shapes = true, .furtherMotions = more});
+    const std::vector<size_t> one{3};
+    const Motion still = motion.subset(one);
+    exportAvatar(testDevice(), avatar, folder / "still.glb", &still);
+    for (const std::string& name : folder.names())
         EXPECT_EQ(std::system(
                       fmt::format("node -e \"{}\" '{}'", script, (folder / name).string()).c_str()),
                   0)

@@ -48,10 +48,30 @@ TEST_F(Install, HasProgramsAssetsLicencesAndTheDesktopsFiles) {
           "share/doppel/actor/woman.npz", "share/doppel/actor/woman.png",
           "share/doc/doppel/LICENSE", "share/doc/doppel/assets/NOTICE",
           "share/doc/doppel/docs/formats.md", "share/applications/doppel.desktop",
-          "share/icons/hicolor/scalable/apps/doppel.svg", "share/man/man1/doppel.1",
-          "share/man/man1/doppel-train.1", "share/bash-completion/completions/doppel",
-          "share/zsh/site-functions/_doppel", "share/fish/vendor_completions.d/doppel.fish"})
+          "share/thumbnailers/doppel.thumbnailer", "share/icons/hicolor/scalable/apps/doppel.svg",
+          "share/man/man1/doppel.1", "share/man/man1/doppel-train.1",
+          "share/bash-completion/completions/doppel", "share/zsh/site-functions/_doppel",
+          "share/fish/vendor_completions.d/doppel.fish"})
         EXPECT_TRUE(fs::exists(prefix() / file)) << file;
+}
+
+// As file managers call it for every folder that they show.
+TEST_F(Install, AnAvatarsFolderHasAThumbnail) {
+    const fs::path avatar = *folder_ / "an avatar", other = *folder_ / "other";
+    for (const fs::path& place : {avatar, other}) {
+        fs::create_directory(place);
+        writeImage(place / "preview.png", Image(8, 4, 3, 200));
+    }
+    const std::string text = "preset = \"ci\"\n";
+    writeWholeFile(avatar / "avatar.toml", std::vector<uint8_t>(text.begin(), text.end()));
+    const auto thumbnail = [](const fs::path& place, const fs::path& out) {
+        return start({(prefix() / "bin/doppel-thumbnail").string(), place.string(), out.string()})
+            .status;
+    };
+    EXPECT_EQ(thumbnail(avatar, *folder_ / "seen.png"), 0);
+    EXPECT_EQ(imageSize(*folder_ / "seen.png"), (ImageSize{8, 4}));
+    EXPECT_NE(thumbnail(other, *folder_ / "none.png"), 0);
+    EXPECT_FALSE(fs::exists(*folder_ / "none.png"));
 }
 
 TEST_F(Install, KnowsNoFolderOfTheBuild) {

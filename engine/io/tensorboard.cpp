@@ -10,6 +10,7 @@
 #include <cstring>
 
 #include "engine/error.h"
+#include "engine/io/protobuf.h"
 
 namespace doppel {
 namespace {
@@ -24,50 +25,16 @@ constexpr std::array<uint32_t, 256> makeCrcTable() {
     return table;
 }
 
-// Protocol buffers, as far as an Event needs them: a key (field number · 8 + wire type), then a
-// varint (0), 8 bytes (1), a length and bytes (2) or 4 bytes (5).
-class Message {
-public:
-    Message& varint(uint32_t field, uint64_t value) {
-        number(uint64_t{field} << 3);
-        number(value);
-        return *this;
-    }
-    Message& real64(uint32_t field, double value) { return fixed(field, 1, value); }
-    Message& real32(uint32_t field, float value) { return fixed(field, 5, value); }
-    Message& bytes(uint32_t field, std::string_view value) {
-        number(uint64_t{field} << 3 | 2);
-        number(value.size());
-        text_.append(value);
-        return *this;
-    }
-    const std::string& text() const { return text_; }
-
-private:
-    void number(uint64_t value) {
-        for (; value >= 0x80; value >>= 7) text_ += static_cast<char>(value | 0x80);
-        text_ += static_cast<char>(value);
-    }
-    template <typename T>
-    Message& fixed(uint32_t field, uint64_t wireType, T value) {
-        number(uint64_t{field} << 3 | wireType);
-        text_.append(reinterpret_cast<const char*>(&value), sizeof(T));
-        return *this;
-    }
-
-    std::string text_;
-};
-
 double now() {
     return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch())
         .count();
 }
 
 // tensorflow.Event: 1 wall_time, 2 step, 3 file_version, 5 summary {1 value}.
-Message makeEvent(int64_t step, const Message& summaryValue) {
-    Message summary, event;
-    summary.bytes(1, summaryValue.text());
-    event.real64(1, now()).varint(2, static_cast<uint64_t>(step)).bytes(5, summary.text());
+ProtoMessage makeEvent(int64_t step, const ProtoMessage& summaryValue) {
+    ProtoMessage summary, event;
+    summary.message(1, summaryValue);
+    event.real64(1, now()).varint(2, static_cast<uint64_t>(step)).message(5, summary);
     return event;
 }
 
@@ -95,7 +62,7 @@ EventWriter::EventWriter(const std::filesystem::path& folder) {
         throwMachine("{}: cannot create it: {}", path_.string(), std::strerror(errno));
     }
     try {
-        writeEvent(Message().real64(1, now()).bytes(3, "brain.Event:2").text());
+        writeEvent(ProtoMessage().real64(1, now()).bytes(3, "brain.Event:2").text());
     } catch (...) {
         ::close(descriptor_);
         ::unlink(path_.c_str());
@@ -107,19 +74,19 @@ EventWriter::~EventWriter() { ::close(descriptor_); }
 
 void EventWriter::scalar(std::string_view tag, int64_t step, float value) {
     // Summary.Value: 1 tag, 2 simple_value.
-    writeEvent(makeEvent(step, Message().bytes(1, tag).real32(2, value)).text());
+    writeEvent(makeEvent(step, ProtoMessage().bytes(1, tag).real32(2, value)).text());
 }
 
 void EventWriter::image(std::string_view tag, int64_t step, const Image& picture) {
     const std::vector<uint8_t> png = encodePng(picture);
     // Summary.Image: 1 height, 2 width, 3 colorspace (the number of channels), 4 the file's bytes.
-    Message image;
+    ProtoMessage image;
     image.varint(1, static_cast<uint64_t>(picture.height))
         .varint(2, static_cast<uint64_t>(picture.width))
         .varint(3, static_cast<uint64_t>(picture.channels))
         .bytes(4, {reinterpret_cast<const char*>(png.data()), png.size()});
     // Summary.Value: 1 tag, 4 image.
-    writeEvent(makeEvent(step, Message().bytes(1, tag).bytes(4, image.text())).text());
+    writeEvent(makeEvent(step, ProtoMessage().bytes(1, tag).message(4, image)).text());
 }
 
 // TFRecord: length (8 bytes), masked CRC of the length, the event, masked CRC of the event.

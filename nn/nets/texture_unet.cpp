@@ -12,8 +12,7 @@ namespace doppel {
 namespace {
 constexpr int64_t kKernel = 4;
 constexpr uint32_t kStride = 2, kPadding = 1;
-constexpr float kTexelResidual = 0.5f;  // of [-1, 1]
-constexpr float kDeviation = 0.02f, kSlope = 0.2f, kDropout = 0.5f;
+constexpr float kDeviation = 0.02f, kDropout = 0.5f;
 
 std::string numbered(const char* what, int64_t i) { return fmt::format("{}{}", what, i); }
 }  // namespace
@@ -37,9 +36,7 @@ TextureUnet::TextureUnet(const TextureUnetConfig& config, std::string name,
         const auto pixels = static_cast<size_t>(c.size * c.size);
         CHECK(c.outputChannels == 3 && texels.size() == 3 * pixels, "texels are [{},{},3]", c.size,
               c.size);
-        texels_.resize(texels.size());
-        for (size_t i = 0; i < texels.size(); ++i)
-            texels_[i % 3 * pixels + i / 3] = 2 * texels[i] - 1;
+        texels_ = planesOf(texels);
     }
     int64_t n = c.downs;
     for (int64_t i = 1; i <= n; ++i) {
@@ -53,6 +50,13 @@ TextureUnet::TextureUnet(const TextureUnetConfig& config, std::string name,
         int64_t out = j == n ? blockChannels * c.outputChannels : features(n - j);
         declare(numbered("dec", j), {in, out, kKernel, kKernel}, j < n, out, seed);
     }
+}
+
+std::vector<float> TextureUnet::planesOf(const std::vector<float>& texels) {
+    const size_t pixels = texels.size() / 3;
+    std::vector<float> planes(texels.size());
+    for (size_t i = 0; i < texels.size(); ++i) planes[i % 3 * pixels + i / 3] = 2 * texels[i] - 1;
+    return planes;
 }
 
 int64_t TextureUnet::features(int64_t step) const {

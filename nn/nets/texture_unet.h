@@ -31,6 +31,9 @@ struct TextureUnetConfig {
 // normalisation normal around 1, biases zero.
 class TextureUnet {
 public:
+    static constexpr float kTexelResidual = 0.5f;  // of [-1, 1]
+    static constexpr float kSlope = 0.2f;          // of the leaky ReLUs
+
     // InputError where the sizes do not fit. The same seed and name give the same values anywhere;
     // name keeps two networks of one seed apart.
     // Without a seed all values are zeros: others are to be loaded after allocate().
@@ -39,6 +42,9 @@ public:
     // clamped.
     TextureUnet(const TextureUnetConfig& config, std::string name, std::optional<uint32_t> seed,
                 std::vector<float> texels = {});
+
+    // Texels [size,size,3] in [0,1] as the network takes them, [3,size,size] in [-1,1].
+    static std::vector<float> planesOf(const std::vector<float>& texels);
 
     void allocate(Device& device);
 

@@ -1,10 +1,10 @@
-"""A picture of a glTF file by Blender, without a window:
+"""A picture of a glTF or OBJ file by Blender, without a window:
 
     blender --background --factory-startup --python picture.py -- scene.json
 
-scene.json: "glb", "out" (PNG); "size" (pixels a side), "fov" (degrees), "camera" (its place; it looks
+scene.json: "model" (.glb or .obj), "out" (PNG); "size" (pixels a side), "fov" (degrees), "camera" (its place; it looks
 along -z, y up, in glTF's axes); "fps" and "frame" of the first animation; "pose": bones turned about
-their heads from there, {"name": [x, y, z]}, axis times angle in glTF's axes.
+their heads from there, {"name": [x, y, z]}, axis times angle in glTF's axes. An OBJ has neither.
 """
 
 import json
@@ -32,10 +32,22 @@ scene = bpy.context.scene
 for thing in list(bpy.data.objects):
     bpy.data.objects.remove(thing)
 scene.render.fps = asked["fps"]
-bpy.ops.import_scene.gltf(filepath=asked["glb"])
-
-armature = next(o for o in bpy.data.objects if o.type == "ARMATURE")
-if bpy.data.actions:
+armature = None
+if asked["model"].endswith(".obj"):
+    bpy.ops.wm.obj_import(filepath=asked["model"])
+    # What the material's texture is, without a lamp on it.
+    for material in (slot.material for o in bpy.data.objects for slot in o.material_slots):
+        nodes, links = material.node_tree.nodes, material.node_tree.links
+        shader = next(n for n in nodes if n.type == "BSDF_PRINCIPLED")
+        colour = shader.inputs["Base Color"].links[0].from_socket
+        light = nodes.new("ShaderNodeEmission")
+        links.new(colour, light.inputs["Color"])
+        output = next(n for n in nodes if n.type == "OUTPUT_MATERIAL")
+        links.new(light.outputs["Emission"], output.inputs["Surface"])
+else:
+    bpy.ops.import_scene.gltf(filepath=asked["model"])
+    armature = next(o for o in bpy.data.objects if o.type == "ARMATURE")
+if armature and bpy.data.actions:
     action = armature.animation_data.action or bpy.data.actions[0]
     armature.animation_data.action = action
     scene.frame_set(round(action.frame_range[0]) + asked["frame"])

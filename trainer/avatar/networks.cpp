@@ -7,30 +7,6 @@
 
 namespace doppel {
 
-namespace {
-
-TextureUnetConfig unetConfig(const TexturePreset& preset) {
-    TextureUnetConfig config;
-    config.size = preset.textureSize;
-    config.width = preset.width;
-    config.downs = preset.depth;
-    config.block = preset.block;
-    return config;
-}
-
-// What the texture network paints over.
-std::vector<float> texelsOf(const Avatar& avatar) {
-    const auto size = static_cast<size_t>(avatar.preset.texture.textureSize);
-    if (!avatar.texels.empty() && avatar.texels.size() != 3 * size * size)
-        throwInput(
-            "texture.textureSize: expected {}, as the avatar's texels have, found {}; train stage "
-            "texels again with the new size, or keep the old one",
-            avatar.textureSize, size);
-    return avatar.texels;
-}
-
-}  // namespace
-
 // ---- stage 1 ------------------------------------------------------------------------------------
 
 void declareMeshNet(Parameters& parameters, const Avatar& avatar, uint64_t seed) {
@@ -45,15 +21,34 @@ MeshNetwork meshNetwork(Graph& graph, const Avatar& avatar, const Parameters& pa
 
 // ---- stage 2 ------------------------------------------------------------------------------------
 
+TextureUnetConfig textureUnetConfig(const TexturePreset& preset) {
+    TextureUnetConfig config;
+    config.size = preset.textureSize;
+    config.width = preset.width;
+    config.downs = preset.depth;
+    config.block = preset.block;
+    return config;
+}
+
+std::vector<float> texelsOf(const Avatar& avatar) {
+    const auto size = static_cast<size_t>(avatar.preset.texture.textureSize);
+    if (!avatar.texels.empty() && avatar.texels.size() != 3 * size * size)
+        throwInput(
+            "texture.textureSize: expected {}, as the avatar's texels have, found {}; train stage "
+            "texels again with the new size, or keep the old one",
+            avatar.textureSize, size);
+    return avatar.texels;
+}
+
 TextureNet::TextureNet(Device& device, const Avatar& avatar, uint64_t seed)
     : preset_(avatar.preset.texture),
-      unet_(unetConfig(preset_), "texture", static_cast<uint32_t>(seed), texelsOf(avatar)) {
+      unet_(textureUnetConfig(preset_), "texture", static_cast<uint32_t>(seed), texelsOf(avatar)) {
     unet_.allocate(device);
 }
 
 TextureNet::TextureNet(Device& device, const Avatar& avatar)
     : preset_(avatar.preset.texture),
-      unet_(unetConfig(preset_), "texture", std::nullopt, texelsOf(avatar)) {
+      unet_(textureUnetConfig(preset_), "texture", std::nullopt, texelsOf(avatar)) {
     unet_.allocate(device);
     loadWeights(unet_.parameters(), avatar.textureNet, "texture_net.safetensors");
     loadWeights(unet_.statistics(), avatar.textureNet, "texture_net.safetensors");

@@ -19,6 +19,11 @@ MeshNetwork meshNetwork(Graph& graph, const Avatar& avatar, const Parameters& pa
 
 // ---- stage 2 ------------------------------------------------------------------------------------
 
+TextureUnetConfig textureUnetConfig(const TexturePreset& preset);
+// What the texture network paints over, [size,size,3]; empty: nothing. InputError where the
+// preset's size is not theirs.
+std::vector<float> texelsOf(const Avatar& avatar);
+
 // G_TN: visibility maps in, textures [size,size,3] in [0,1] out.
 class TextureNet {
 public:

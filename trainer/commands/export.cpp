@@ -6,6 +6,7 @@
 
 #include "trainer/avatar/export.h"
 #include "trainer/avatar/formats/model_files.h"
+#include "trainer/avatar/formats/network_files.h"
 #include "trainer/avatar/formats/web_page.h"
 #include "trainer/avatar/rendering.h"
 #include "trainer/commands/command.h"
@@ -17,7 +18,28 @@
 
 namespace doppel {
 
+namespace {
+
+void exportNetworks(const ExportOptions& options) {
+    requireApart(options.networks, {options.avatar});
+    const Avatar avatar = readAvatar(options.avatar);
+    OutputFolder folder(options.networks, "networks");
+    const std::vector<std::string> names = writeNetworks(folder.folder(), avatar);
+    folder.commit();
+    if (options.common.json)
+        printJson(nlohmann::ordered_json{{"out", options.networks.string()}, {"networks", names}});
+    else
+        fmt::print("{}: {}, each as .onnx and .safetensors; README.txt lists inputs and tensors\n",
+                   options.networks.string(), fmt::join(names, ", "));
+}
+
+}  // namespace
+
 void runExport(const ExportOptions& options) {
+    if (!options.networks.empty()) {
+        exportNetworks(options);
+        return;
+    }
     const bool isPage = !options.web.empty();
     const std::filesystem::path& place = isPage ? options.web : options.out;
     // Formats' endings are those of what avatars and captures are made of: poses.npz.
@@ -109,6 +131,9 @@ void declareFlags(CommandFlags& flags, ExportOptions& o) {
     flags.path("--web", o.web,
                "In the place of --out: a folder that shows the avatar in browsers, page.html by a "
                "double click, the rest from any web server; with play, orbit and joints");
+    flags.path(
+        "--networks", o.networks,
+        "In the place of --out: a folder with the avatar's networks as ONNX and safetensors");
     flags.paths(
         "--motion", o.motions,
         "A capture, a poses.npz, BVH, FBX, glTF, AMASS or an estimator's poses, which becomes "
@@ -133,9 +158,24 @@ void declareFlags(CommandFlags& flags, ExportOptions& o) {
 }
 
 void checkName(ExportOptions& options) {
-    if (options.web.empty() == options.out.empty())
-        throwInput("--out: expected either --out FILE or --web FOLDER, found {}",
-                   options.web.empty() ? "none" : "both");
+    std::vector<const char*> given;
+    if (!options.out.empty()) given.push_back("--out");
+    if (!options.web.empty()) given.push_back("--web");
+    if (!options.networks.empty()) given.push_back("--networks");
+    if (given.size() != 1)
+        throwInput(
+            "--out: expected one of --out FILE, --web FOLDER and --networks FOLDER, found {}",
+            given.empty() ? "none" : fmt::format("{}", fmt::join(given, " and ")));
+    if (!options.networks.empty()) {
+        const std::pair<const char*, bool> others[] = {{"--motion", !options.motions.empty()},
+                                                       {"--frames", !options.frames.empty()},
+                                                       {"--shapes", options.shapes},
+                                                       {"--author", !options.author.empty()},
+                                                       {"--licence", !options.licence.empty()}};
+        for (const auto& [flag, isGiven] : others)
+            if (isGiven) throwInput("{}: expected --out or --web, found --networks", flag);
+        return;
+    }
     if (!options.web.empty()) {
         if (!options.author.empty() || !options.licence.empty())
             throwInput("{}: expected a .vrm, found --web",
@@ -159,11 +199,13 @@ const Command<ExportOptions> kExport{{
     .place = 80,
     .summary =
         "Write the avatar for other programs, as glTF, VRM, USD, OBJ, for browsers; or a motion "
-        "on its bones",
+        "on its bones; or its networks",
     .description =
         "Writes a skinned mesh with 24 joints and one texture for all views, and a motion as an\n"
         "animation: glTF (.glb), VRM 1.0 (.vrm), USD (.usda), pages for browsers (--web); or one\n"
-        "pose as OBJ. A motion alone, on the avatar's skeleton, goes to BVH, AMASS's npz or JSON.",
+        "pose as OBJ. A motion alone, on the avatar's skeleton, goes to BVH, AMASS's npz or JSON; "
+        "the\n"
+        "networks alone to ONNX and safetensors (--networks).",
     .example = "doppel export avatar --out avatar.glb --motion capture",
     .flags = declareFlags,
     .check = checkName,

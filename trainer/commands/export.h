@@ -13,7 +13,8 @@ namespace doppel {
 struct ExportOptions {
     CommonOptions common;
     std::filesystem::path avatar;
-    std::filesystem::path out, web;              // a file, or a folder of a page; one of both
+    // A file, a folder of a page, or one of networks; one of the three.
+    std::filesystem::path out, web, networks;
     std::vector<std::filesystem::path> motions;  // several become several animations
     std::string frames;
     RetargetSettings retarget;
