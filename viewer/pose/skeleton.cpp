@@ -260,12 +260,13 @@ Pose sideCopied(const Pose& pose, bool leftToRight) {
 // ---- limbs --------------------------------------------------------------------------------------
 
 const std::array<size_t, joint::kCount>& jointsByLimb() {
-    using namespace joint;
-    static constexpr std::array<size_t, kCount> kOrder{
-        kPelvis,        kSpine1,       kSpine2,     kSpine3,    kNeck,       kHead,
-        kLeftCollar,    kLeftShoulder, kLeftElbow,  kLeftWrist, kLeftHand,   kRightCollar,
-        kRightShoulder, kRightElbow,   kRightWrist, kRightHand, kLeftHip,    kLeftKnee,
-        kLeftAnkle,     kLeftFoot,     kRightHip,   kRightKnee, kRightAnkle, kRightFoot};
+    static constexpr std::array<size_t, joint::kCount> kOrder{
+        joint::kPelvis,        joint::kSpine1,     joint::kSpine2,     joint::kSpine3,
+        joint::kNeck,          joint::kHead,       joint::kLeftCollar, joint::kLeftShoulder,
+        joint::kLeftElbow,     joint::kLeftWrist,  joint::kLeftHand,   joint::kRightCollar,
+        joint::kRightShoulder, joint::kRightElbow, joint::kRightWrist, joint::kRightHand,
+        joint::kLeftHip,       joint::kLeftKnee,   joint::kLeftAnkle,  joint::kLeftFoot,
+        joint::kRightHip,      joint::kRightKnee,  joint::kRightAnkle, joint::kRightFoot};
     return kOrder;
 }
 
