@@ -247,7 +247,7 @@ TEST(Caps, GrowFromMasksWhereHairIs) {
     const BodyCap hair = ballOfHair(radius, behind);
     const Capture capture = turning(folder / "hair", *withCap(bodyArrays(), hair, Betas{}));
     FrameCache frames(capture);
-    const GrownCap grown = growCap(body(), capture, frames, onPreset());
+    const GrownCap grown = growCap(testDevice(), body(), capture, frames, onPreset());
     ASSERT_TRUE(grown.cap) << grown.why;
     // A ball has 1.4 litres; where it nears the head it is the body's.
     EXPECT_GT(grown.litres, 1.0);
@@ -276,7 +276,7 @@ TEST(Caps, DoNotGrowOnABodyThatFillsItsMasks) {
     test::Folder folder;
     const Capture capture = turning(folder / "bare", bodyArrays());
     FrameCache frames(capture);
-    const GrownCap grown = growCap(body(), capture, frames, onPreset());
+    const GrownCap grown = growCap(testDevice(), body(), capture, frames, onPreset());
     EXPECT_FALSE(grown.cap) << grown.litres;
     EXPECT_NE(grown.why.find("nothing far from the body"), std::string::npos) << grown.why;
 }
@@ -286,7 +286,7 @@ TEST(Caps, NeedToBeSeenFromAround) {
     const Capture capture =
         turning(folder / "front", *withCap(bodyArrays(), ballOfHair(.07, .2), Betas{}), 4);
     FrameCache frames(capture);
-    const GrownCap grown = growCap(body(), capture, frames, onPreset());
+    const GrownCap grown = growCap(testDevice(), body(), capture, frames, onPreset());
     EXPECT_FALSE(grown.cap);
     EXPECT_NE(grown.why.find("sides in a row"), std::string::npos) << grown.why;
 }

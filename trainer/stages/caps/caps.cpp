@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "nn/body/mesh_topology.h"
+#include "trainer/data/body_render.h"
 #include "trainer/data/progress.h"
 #include "trainer/motion/retarget/proportions.h"
 #include "trainer/stages/caps/cells.h"
@@ -128,10 +129,11 @@ struct Hull {
     std::vector<int32_t> nearest;  // vertex of the body; -1: far from it
     std::vector<double> depth;     // m from the body's surface, negative inside
     std::vector<uint8_t> filled;   // what all sides' masks hold
+    std::vector<uint8_t> needed;   // of it, what the body does not cover seen from two sides
 };
 
-Hull carve(const BodyModel& body, const RestBody& rest, const Capture& capture, FrameCache& frames,
-           const CapsPreset& preset, const std::vector<size_t>& chosen) {
+Hull carve(Device& device, const BodyModel& body, const RestBody& rest, const Capture& capture,
+           FrameCache& frames, const CapsPreset& preset, const std::vector<size_t>& chosen) {
     Hull hull;
     hull.cells = cellsAround(rest.places, preset.reach, preset.cell);
     hull.nearest = nearestPoints(hull.cells, rest.places, preset.reach);
@@ -146,12 +148,19 @@ Hull carve(const BodyModel& body, const RestBody& rest, const Capture& capture, 
         if (outside && carries(body, v)) open.push_back(i);
     }
     const Proportions joints = proportionsOf(body, capture.betas);
-    std::vector<std::array<uint8_t, kSides>> seen(open.size()), held(open.size());
+    // In how many frames of each side: the picture has the cell; the mask holds it; the mask does
+    // and the body leaves it free, so that no arm before it or behind it is what the mask shows.
+    std::vector<std::array<uint8_t, kSides>> seen(open.size()), held(open.size()),
+        free(open.size());
+    BodyPoser poser(device, body);
+    MeshDrawer drawer(device, body);
     for (size_t frame : chosen) {
         const Skin skin = skinOf(body, joints, capture.theta[frame], capture.trans[frame]);
         const size_t side = sideOf(capture.theta[frame], capture.trans[frame]);
         const Camera& camera = capture.frames[frame].camera;
         const auto picture = frames.load(frame);
+        const std::vector<uint8_t> covered = drawer.mask(
+            poser.pose(capture.theta[frame], capture.trans[frame], capture.betas).verts, camera);
         for (size_t n = 0; n < open.size(); ++n) {
             const size_t i = open[n];
             const glm::dvec3 p = skin.at(static_cast<size_t>(hull.nearest[i]),
@@ -162,16 +171,23 @@ Hull carve(const BodyModel& body, const RestBody& rest, const Capture& capture, 
             ++seen[n][side];
             const size_t pixel = static_cast<size_t>(v) * static_cast<size_t>(picture->width) +
                                  static_cast<size_t>(u);
-            if (picture->mask[pixel] > 127) ++held[n][side];
+            if (picture->mask[pixel] <= 127) continue;
+            ++held[n][side];
+            if (!covered[pixel]) ++free[n][side];
         }
         if (interrupted()) throw Interrupted{};
     }
     hull.filled.assign(hull.cells.total(), 0);
+    hull.needed = hull.filled;
     for (size_t n = 0; n < open.size(); ++n) {
         bool fills = true;
-        for (size_t side = 0; side < kSides; ++side)
+        size_t needs = 0;
+        for (size_t side = 0; side < kSides; ++side) {
             fills &= held[n][side] >= preset.agree * seen[n][side];
+            needs += free[n][side] > 0 && free[n][side] >= preset.agree * seen[n][side];
+        }
         hull.filled[open[n]] = fills;
+        hull.needed[open[n]] = fills && needs >= 2;
     }
     return hull;
 }
@@ -309,7 +325,7 @@ std::vector<size_t> evenly(size_t count, size_t most) {
 
 }  // namespace
 
-GrownCap growCap(const BodyModel& body, const Capture& capture, FrameCache& frames,
+GrownCap growCap(Device& device, const BodyModel& body, const Capture& capture, FrameCache& frames,
                  const CapsPreset& preset) {
     const std::vector<size_t> chosen = evenly(capture.size(), kMostFrames);
     std::array<size_t, kSides> sides{};
@@ -318,11 +334,11 @@ GrownCap growCap(const BodyModel& body, const Capture& capture, FrameCache& fram
         return {.why = fmt::format("no frame shows the person from {} of {} sides in a row", gap,
                                    kSides)};
     const RestBody rest = restBody(body, capture.betas);
-    const Hull hull = carve(body, rest, capture, frames, preset, chosen);
+    const Hull hull = carve(device, body, rest, capture, frames, preset, chosen);
     const Cells& cells = hull.cells;
     std::vector<size_t> deep;
     for (size_t i = 0; i < hull.filled.size(); ++i)
-        if (hull.filled[i] && hull.depth[i] > preset.depth) deep.push_back(i);
+        if (hull.needed[i] && hull.depth[i] > preset.depth) deep.push_back(i);
     // Around it, what is nearer to the body.
     const int around = static_cast<int>(std::lround(kAround / preset.cell));
     std::vector<uint8_t> loose(cells.total());
@@ -350,12 +366,12 @@ GrownCap growCap(const BodyModel& body, const Capture& capture, FrameCache& fram
 
 void planCaps(Device&, const Avatar&, const Capture&, const TrainSettings&) {}
 
-void trainCaps(Device&, TrainResult& result, const TrainSettings& settings) {
+void trainCaps(Device& device, TrainResult& result, const TrainSettings& settings) {
     Avatar& avatar = result.avatar;
     if (settings.profileSteps > 0) return;
     result.capture.betas = avatar.betas;
     FrameCache cache(result.capture);
-    GrownCap grown = growCap(avatar.body, result.capture, cache, avatar.preset.caps);
+    GrownCap grown = growCap(device, avatar.body, result.capture, cache, avatar.preset.caps);
     if (!grown.cap) {
         fmt::print(stderr, "caps: none: {}\n", grown.why);
         return;

@@ -6,7 +6,8 @@
 // of space (the visual hull, Laurentini 1994), in the rest pose: a cell beside the body moves with
 // the skin next to it, and stays if the frames of each side have it within their masks. What stays
 // and lies far enough from the body becomes a mesh (nn/body/body_caps.h), which the stages after
-// this one move, colour and draw with the body.
+// this one move, colour and draw with the body. Of two sides it has to be seen where the body is
+// not, for beside a trunk all masks hold the arms.
 #pragma once
 
 #include <optional>
@@ -29,7 +30,7 @@ struct GrownCap {
 };
 
 // For the capture's poses and betas, and its masks. The body has no cap yet.
-GrownCap growCap(const BodyModel& body, const Capture& capture, FrameCache& frames,
+GrownCap growCap(Device& device, const BodyModel& body, const Capture& capture, FrameCache& frames,
                  const CapsPreset& preset);
 
 }  // namespace doppel
