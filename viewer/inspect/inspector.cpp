@@ -96,18 +96,19 @@ void Viewer::drawInspectTab() {
         addRow("texel", fmt::format("{}, {} of {} x {}", at.texel.x, at.texel.y, size, size));
         addRow("K(v)", fmt::format("{:.1f} mm", 1e3 * at.bound));
         addRow("first colour",
-            at.origin ? originName(*at.origin) : "not known: the avatar has no texels_seen.png");
+               at.origin ? originName(*at.origin) : "not known: the avatar has no texels_seen.png");
         if (search_)
             addRow("seen", "counting the frames ...");
         else if (!sightings_)
-            addRow("seen",
+            addRow(
+                "seen",
                 "not known: what plays is no capture with frames that the avatar was trained on");
         else
-            addRow("seen",
-                fmt::format("in {} of {} training frames{}", sightings_->seen, sightings_->frames,
-                            sightings_->best
-                                ? fmt::format(", largest in frame {}", *sightings_->best)
-                                : std::string()));
+            addRow("seen", fmt::format("in {} of {} training frames{}", sightings_->seen,
+                                       sightings_->frames,
+                                       sightings_->best
+                                           ? fmt::format(", largest in frame {}", *sightings_->best)
+                                           : std::string()));
         ImGui::EndTable();
     }
     if (sightings_ && sightings_->best &&
