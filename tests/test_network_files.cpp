@@ -241,10 +241,17 @@ TEST_F(NetworkFiles, Refusals) {
     plain.bodyArrays = readBodyArrays("default");
     plain.body = bodyFromNpz(plain.bodyArrays);
     plain.preset = test::tinyPreset();
-    EXPECT_NE(messageOf<InputError>([&] {
-                  writeNetworks(folder.path(), plain);
-              }).find("the avatar has no networks yet; train stage mesh, texture or refine"),
+    writeAvatar(folder / "plain", plain);
+    const auto refused = [](const std::vector<std::string>& words) {
+        std::ostringstream out, errors;
+        EXPECT_EQ(runCommandLine(words, out, errors), 2);
+        return errors.str();
+    };
+    EXPECT_NE(refused({"export", (folder / "plain").string(), "--networks",
+                       (folder / "networks").string()})
+                  .find("plain: it has no networks yet; train stage mesh, texture or refine first"),
               std::string::npos);
+    EXPECT_FALSE(fs::exists(folder / "networks"));
     // An avatar.toml that was edited.
     Avatar other = readAvatar(*folder_ / "drawn");
     other.preset.mesh.hidden = 24;
@@ -252,16 +259,17 @@ TEST_F(NetworkFiles, Refusals) {
                   writeNetworks(folder.path(), other);
               }).find("mesh_net.safetensors: mesh.block0.layer0.weight0"),
               std::string::npos);
-    const auto refused = [](std::vector<std::string> words) {
-        words.insert(words.begin(), {"export", "a", "--networks", "b"});
-        std::ostringstream out, errors;
-        EXPECT_EQ(runCommandLine(words, out, errors), 2);
-        return errors.str();
+    const auto refusedBeside = [&](const std::vector<std::string>& more) {
+        std::vector<std::string> words{"export", "a", "--networks", "b"};
+        words.insert(words.end(), more.begin(), more.end());
+        return refused(words);
     };
-    EXPECT_NE(refused({"--out", "a.glb"}).find("found --out and --networks"), std::string::npos);
-    EXPECT_NE(refused({"--shapes"}).find("--shapes: expected --out or --web, found --networks"),
+    EXPECT_NE(refusedBeside({"--out", "a.glb"}).find("found --out and --networks"),
               std::string::npos);
-    EXPECT_NE(refused({"--motion", "c"}).find("--motion: expected --out or --web"),
+    EXPECT_NE(
+        refusedBeside({"--shapes"}).find("--shapes: expected --out or --web, found --networks"),
+        std::string::npos);
+    EXPECT_NE(refusedBeside({"--motion", "c"}).find("--motion: expected --out or --web"),
               std::string::npos);
 }
 

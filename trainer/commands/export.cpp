@@ -25,6 +25,9 @@ void exportNetworks(const ExportOptions& options) {
     const Avatar avatar = readAvatar(options.avatar);
     OutputFolder folder(options.networks, "networks");
     const std::vector<std::string> names = writeNetworks(folder.folder(), avatar);
+    if (names.empty())
+        throwInput("{}: it has no networks yet; train stage mesh, texture or refine first",
+                   options.avatar.string());
     folder.commit();
     if (options.common.json)
         printJson(nlohmann::ordered_json{{"out", options.networks.string()}, {"networks", names}});

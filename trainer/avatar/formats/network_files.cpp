@@ -384,8 +384,7 @@ std::vector<std::string> writeNetworks(const fs::path& folder, const Avatar& ava
         note += net.note();
         written.emplace_back(network.name);
     }
-    if (written.empty())
-        throwInput("the avatar has no networks yet; train stage mesh, texture or refine first");
+    if (written.empty()) return written;
     AtomicFile file(folder / "README.txt");
     file.write(note);
     file.commit();

@@ -18,7 +18,7 @@ namespace doppel {
 //
 // Statistics of the normalisations are the running ones, nothing is dropped out; what the networks
 // stand on, the mesh, its bounds and the texels that are painted over, is in the files. Returns the
-// networks' names. InputError where the avatar has none, or one that its preset does not fit.
+// networks' names, none where the avatar has none. InputError where one is not as its preset says.
 std::vector<std::string> writeNetworks(const std::filesystem::path& folder, const Avatar& avatar);
 
 }  // namespace doppel
