@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/device.h"
 #include "nn/body/body_caps.h"
 #include "nn/steps/caps_numbers.h"
 #include "trainer/data/capture.h"
