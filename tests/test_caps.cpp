@@ -291,6 +291,17 @@ TEST(Caps, NeedToBeSeenFromAround) {
     EXPECT_NE(grown.why.find("sides in a row"), std::string::npos) << grown.why;
 }
 
+TEST(Caps, NeedMoreThanAFrameFromASide) {
+    test::Folder folder;
+    const Capture all =
+        turning(folder / "hair", *withCap(bodyArrays(), ballOfHair(.07, .2), Betas{}));
+    const Capture some = all.subset(std::vector<size_t>{0, 2, 4, 6, 8, 10, 12, 14});
+    FrameCache frames(some);
+    const GrownCap grown = growCap(testDevice(), body(), some, frames, onPreset());
+    EXPECT_FALSE(grown.cap);
+    EXPECT_NE(grown.why.find("8 frames are too few"), std::string::npos) << grown.why;
+}
+
 // Through a training and back from disk; a second training of the same finds it done.
 TEST(Caps, AreAStageOfTheTraining) {
     test::Folder folder;

@@ -25,6 +25,8 @@ constexpr size_t kMostFrames = 96;
 constexpr size_t kSides = 8;
 // Somebody who is not seen from as many sides in a row has a hull that no mask has cut.
 constexpr size_t kMostUnseen = 3;
+// In fewer frames, one or none from a side, what poses are off by looks like cloth.
+constexpr size_t kFewestFrames = 16;
 // What is nearer to the body than this is no part of a cap but where the cap takes root, m.
 constexpr double kSkin = .015;
 // How far around what lies beyond the preset's depth nearer cells belong to it, m.
@@ -333,6 +335,9 @@ GrownCap growCap(Device& device, const BodyModel& body, const Capture& capture, 
     if (const size_t gap = longestGap(sides); gap > kMostUnseen)
         return {.why = fmt::format("no frame shows the person from {} of {} sides in a row", gap,
                                    kSides)};
+    if (capture.size() < kFewestFrames)
+        return {.why = fmt::format("{} frames are too few to tell hair and cloth from poses",
+                                   capture.size())};
     const RestBody rest = restBody(body, capture.betas);
     const Hull hull = carve(device, body, rest, capture, frames, preset, chosen);
     const Cells& cells = hull.cells;
