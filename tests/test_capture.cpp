@@ -12,8 +12,8 @@
 #include "tests/files.h"
 #include "trainer/data/capture.h"
 #include "trainer/data/capture_writer.h"
-#include "trainer/data/crop.h"
 #include "trainer/data/frame_selection.h"
+#include "trainer/data/pictures/crop.h"
 #include "trainer/motion/motion.h"
 
 namespace doppel {

@@ -287,7 +287,8 @@ TEST(CommandLine, ConfigUnderFlags) {
     refuse("[mesh]\nbatches = 3", "bad.toml: there is no number \"mesh.batches\"; there are mesh.");
     refuse("[mesh]\nbatch = 0", "bad.toml: mesh.batch: expected a whole number from 1 to 256");
     refuse("[mash]\nbatch = 1",
-           "bad.toml: mash: expected one of the tables fit, shape, texels, mesh, texture, refine");
+           "bad.toml: mash: expected one of the tables fit, caps, shape, texels, mesh, texture, "
+           "refine");
     const Outcome missing = run({"train", "c", "--out", "a", "--config", "no/such.toml"});
     EXPECT_EQ(missing.status, 2);
     EXPECT_NE(missing.err.find("no/such.toml"), std::string::npos);

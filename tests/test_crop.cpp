@@ -1,4 +1,4 @@
-#include "trainer/data/crop.h"
+#include "trainer/data/pictures/crop.h"
 
 #include <gtest/gtest.h>
 

@@ -10,8 +10,8 @@
 #include "engine/files/ending.h"
 #include "engine/io/video.h"
 #include "trainer/data/frame_selection.h"
+#include "trainer/data/pictures/sharpness.h"
 #include "trainer/data/progress.h"
-#include "trainer/data/sharpness.h"
 
 namespace doppel {
 namespace fs = std::filesystem;

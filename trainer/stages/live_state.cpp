@@ -5,7 +5,7 @@
 #include "engine/io/image.h"
 #include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/sheet.h"
-#include "trainer/data/crop.h"
+#include "trainer/data/pictures/crop.h"
 
 namespace doppel {
 

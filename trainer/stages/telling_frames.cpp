@@ -10,9 +10,9 @@
 #include <glm/gtc/quaternion.hpp>
 
 #include "nn/body/joint.h"
+#include "trainer/data/pictures/sharpness.h"
 #include "trainer/data/progress.h"
 #include "trainer/data/shared_work.h"
-#include "trainer/data/sharpness.h"
 
 namespace doppel {
 

@@ -10,7 +10,7 @@
 #include "trainer/avatar/background.h"
 #include "trainer/data/body_render.h"
 #include "trainer/data/capture.h"
-#include "trainer/data/crop.h"
+#include "trainer/data/pictures/crop.h"
 
 namespace doppel {
 
