@@ -97,19 +97,15 @@ TEST_F(MpiRun, FourSendWhatTheModelSaysOfTwo) {
     const Outcome two = mpirun(2, numbers("two")), four = mpirun(4, numbers("four"));
     ASSERT_EQ(two.status, 0) << two.err;
     ASSERT_EQ(four.status, 0) << four.err;
-    for (const std::string stage : {"mesh", "texture"}) {
-        const double gradients =
-            found(one.out, "stage " + stage + ":.*gradients and moments ([0-9.]+) MiB") * 1024 / 4;
-        const double byTwo =
-            found(two.err, stage + ": process 0 of 2 sent ([0-9.]+) KiB to the others");
-        const double byFour =
-            found(four.err, stage + ": process 0 of 4 sent ([0-9.]+) KiB to the others");
-        const double sums = byTwo - gradients;
-        fmt::print("{}: gradients {:.1f} KiB, sums {:.1f}; four: {:.1f}, by the model {:.1f}\n",
-                   stage, gradients, sums, byFour, 1.5 * gradients + 3 * sums);
-        EXPECT_GT(sums, stage == "texture" ? .05 * gradients : -1);
-        EXPECT_NEAR(byFour, 1.5 * gradients + 3 * sums, .05 * byFour);
-    }
+    // The mesh network here has less than the digits of a MiB tell.
+    const double gradients =
+        found(one.out, "stage texture:.*gradients and moments ([0-9.]+) MiB") * 1024 / 4;
+    const double byTwo = found(two.err, "texture: process 0 of 2 sent ([0-9.]+) KiB to the others");
+    const double byFour =
+        found(four.err, "texture: process 0 of 4 sent ([0-9.]+) KiB to the others");
+    const double sums = byTwo - gradients;
+    EXPECT_GT(sums, .05 * gradients);
+    EXPECT_NEAR(byFour, 1.5 * gradients + 3 * sums, .05 * byFour);
 }
 
 TEST_F(MpiRun, ARankThatDiesEndsAllAndOneProcessGoesOn) {

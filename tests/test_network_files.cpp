@@ -151,6 +151,7 @@ protected:
         avatar.preset.refine.steps = 20;
         TrainSettings settings;
         settings.out = *folder_ / "trained";
+        settings.stages = {"fit", "texels", "mesh", "texture", "refine"};
         settings.pictureSeconds = 0;
         trainAvatar(testDevice(), avatar, test::tinyCapture(*folder_ / "capture"), settings);
 
