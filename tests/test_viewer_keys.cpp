@@ -76,7 +76,10 @@ TEST_F(KeysTest, BlendersKeys) {
     screen_->key("i");
     settle();
     ASSERT_EQ(viewer.editor().keyframes().size(), 1u);
-    for (int i = 0; i < 4; ++i) screen_->key("Right");
+    for (int i = 0; i < 4; ++i) {
+        screen_->key("Right");
+        settle();
+    }
     screen_->key("i");
     settle();
     EXPECT_EQ(viewer.editor().keyframes().size(), 2u);
