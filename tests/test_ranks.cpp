@@ -268,6 +268,7 @@ std::unique_ptr<Folder> SharedTraining::folder_;
 // under way when the first is reported.
 TEST_F(SharedTraining, GradientsOfASplitBatchAreTheWholeBatchs) {
     for (const std::string& stage : stageNames()) {
+        if (stage == "caps") continue;  // which has no gradients
         auto first = [&](int count) {
             return stoppedAfter(1, stage, count, copyOfBase(fmt::format("{}{}", stage, count)));
         };
