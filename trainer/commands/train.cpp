@@ -127,6 +127,7 @@ void runTrain(const TrainOptions& options) {
         const Npz arrays = readBodyArrays(options.body);
         const BodyModel asked = bodyFromNpz(arrays);
         const bool same = exists && isModelOf(asked, avatar.body);
+        avatar.bodyArrays.remove("betas");  // which are written behind what stages add
         if (!same) {
             avatar.bodyArrays = arrays;
             avatar.body = asked;
