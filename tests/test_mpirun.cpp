@@ -97,7 +97,7 @@ TEST_F(MpiRun, FourSendWhatTheModelSaysOfTwo) {
     const Outcome two = mpirun(2, numbers("two")), four = mpirun(4, numbers("four"));
     ASSERT_EQ(two.status, 0) << two.err;
     ASSERT_EQ(four.status, 0) << four.err;
-    // The mesh network here has less than the digits of a MiB tell.
+    // Of a mesh network as small as this one most of the memory lies between parameters.
     const double gradients =
         found(one.out, "stage texture:.*gradients and moments ([0-9.]+) MiB") * 1024 / 4;
     const double byTwo = found(two.err, "texture: process 0 of 2 sent ([0-9.]+) KiB to the others");

@@ -14,6 +14,7 @@
 #include "trainer/avatar/bake.h"
 #include "trainer/avatar/formats/model_files.h"
 #include "trainer/avatar/formats/motion_files.h"
+#include "trainer/avatar/rig.h"
 #include "trainer/avatar/sheet.h"
 #include "trainer/data/pose.h"
 #include "trainer/motion/upright.h"
@@ -30,21 +31,6 @@ glm::dvec3 vertex(std::span<const float> verts, size_t v) {
     return {verts[3 * v], verts[3 * v + 1], verts[3 * v + 2]};
 }
 
-// [V,3] Sums of the faces' cross products: larger faces count for more.
-std::vector<float> areaNormals(std::span<const float> verts, std::span<const int32_t> faces) {
-    std::vector<double> sums(verts.size());
-    auto at = [&](int32_t v) { return vertex(verts, static_cast<size_t>(v)); };
-    for (size_t f = 0; f + 2 < faces.size(); f += 3) {
-        glm::dvec3 a = at(faces[f]);
-        glm::dvec3 normal = glm::cross(at(faces[f + 1]) - a, at(faces[f + 2]) - a);
-        for (size_t corner = 0; corner < 3; ++corner)
-            for (int c = 0; c < 3; ++c)
-                sums[3 * static_cast<size_t>(faces[f + corner]) + static_cast<size_t>(c)] +=
-                    normal[c];
-    }
-    return {sums.begin(), sums.end()};
-}
-
 float lowest(std::span<const float> verts) {
     float low = std::numeric_limits<float>::infinity();
     for (size_t i = 1; i < verts.size(); i += 3) low = std::min(low, verts[i]);
@@ -56,54 +42,6 @@ float lowest(std::span<const float> verts) {
 // ---- motion -------------------------------------------------------------------------------------
 
 namespace {
-
-// Where the joints of a body stand and how they are turned, the pelvis being at rest.
-struct Placement {
-    std::array<glm::dquat, kJoints> turn;
-    std::array<glm::dvec3, kJoints> origin;
-};
-
-struct Rig {
-    const BodyModel& body;
-    std::array<glm::dvec3, kJoints> rest;
-
-    explicit Rig(const Avatar& avatar) : body(avatar.body) {
-        std::vector<double> beta(avatar.betas.begin(), avatar.betas.end());
-        std::vector<double> joints = restJoints(body, beta);
-        for (size_t j = 0; j < kJoints; ++j)
-            rest[j] = {joints[3 * j], joints[3 * j + 1], joints[3 * j + 2]};
-    }
-
-    Placement place(const Theta& theta) const {
-        Placement placed;
-        for (size_t j = 0; j < kJoints; ++j) {
-            placed.turn[j] = jointRotation(theta, j);
-            placed.origin[j] = rest[j];
-            if (body.parents[j] < 0) continue;
-            auto parent = static_cast<size_t>(body.parents[j]);
-            placed.turn[j] = placed.turn[parent] * placed.turn[j];
-            placed.origin[j] =
-                placed.origin[parent] + placed.turn[parent] * (rest[j] - rest[parent]);
-        }
-        return placed;
-    }
-
-    // Skinning takes vertex v from x to turn x + move.
-    struct Blend {
-        glm::dmat3 turn{0};
-        glm::dvec3 move{0};
-    };
-    Blend skin(const Placement& placed, size_t v) const {
-        Blend blend;
-        for (size_t j = 0; j < kJoints; ++j) {
-            double weight = body.weights[kJoints * v + j];
-            if (weight == 0) continue;
-            blend.turn += weight * glm::mat3_cast(placed.turn[j]);
-            blend.move += weight * (placed.origin[j] - placed.turn[j] * rest[j]);
-        }
-        return blend;
-    }
-};
 
 GltfAnimation animate(const Rig& rig, std::span<const float> bindVerts, float ground,
                       const Motion& motion) {
@@ -187,7 +125,7 @@ namespace {
 GltfScene skeletonScene(const Avatar& avatar, std::span<const float> bindVerts,
                         const Motion* motion, JointNames names) {
     GltfScene scene;
-    const Rig rig(avatar);
+    const Rig rig(avatar.body, avatar.betas);
     const float ground = lowest(bindVerts);
     for (size_t j = 0; j < kJoints; ++j) {
         std::array<float, 3> place;
@@ -238,7 +176,7 @@ GltfScene avatarScene(const Avatar& avatar, std::span<const float> bindVerts, co
         throwInput("the avatar has no texture yet; train stage texture first");
 
     GltfScene scene = skeletonScene(avatar, bindVerts, motion, settings.names);
-    const Rig rig(avatar);
+    const Rig rig(avatar.body, avatar.betas);
     for (const Motion& further : settings.furtherMotions)
         scene.furtherAnimations.push_back(animate(rig, bindVerts, lowest(bindVerts), further));
     const auto sources = fillMesh(scene, bindVerts, areaNormals(bindVerts, body.faces), body.faces,
@@ -321,7 +259,8 @@ void exportAvatar(Device& device, const Avatar& avatar, const std::filesystem::p
         verts = renderer.vertices(motion->theta[0], motion->trans[0]);
         const glm::dquat upright = uprightRotation(*motion);
         const Trans& t = motion->trans[0];
-        glm::dvec3 pelvis = upright * (Rig(avatar).rest[0] + glm::dvec3(t[0], t[1], t[2]));
+        glm::dvec3 pelvis =
+            upright * (Rig(avatar.body, avatar.betas).rest[0] + glm::dvec3(t[0], t[1], t[2]));
         pelvis.y = 0;
         for (size_t v = 0; v < verts.size() / 3; ++v) {
             const glm::dvec3 turned = upright * vertex(verts, v) - pelvis;
@@ -330,7 +269,8 @@ void exportAvatar(Device& device, const Avatar& avatar, const std::filesystem::p
         }
         motion = nullptr;
     } else {
-        verts = bindVertices(renderer, Rig(avatar), posesToMatch(motion, settings.furtherMotions));
+        verts = bindVertices(renderer, Rig(avatar.body, avatar.betas),
+                             posesToMatch(motion, settings.furtherMotions));
     }
     for (float x : verts)
         if (!std::isfinite(x))

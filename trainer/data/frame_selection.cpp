@@ -33,6 +33,13 @@ bool naturallyBefore(const std::string& a, const std::string& b) {
     return a < b;
 }
 
+std::vector<size_t> evenly(size_t count, size_t most) {
+    std::vector<size_t> indices;
+    const size_t n = std::min(count, most);
+    for (size_t i = 0; i < n; ++i) indices.push_back(i * count / n);
+    return indices;
+}
+
 double selectedRate(double fps, std::span<const size_t> indices) {
     if (indices.size() < 2 || indices.back() <= indices.front()) return fps;
     return fps * double(indices.size() - 1) / double(indices.back() - indices.front());

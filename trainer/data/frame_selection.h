@@ -17,6 +17,9 @@ namespace doppel {
 std::vector<size_t> selectFrames(std::string_view text, size_t count,
                                  std::string_view what = "--frames");
 
+// So many of a sequence's frames, or all where it has no more, evenly taken from the first on.
+std::vector<size_t> evenly(size_t count, size_t most);
+
 // Frames per second of these of a sequence's frames, ascending, so that a motion lasts as long as
 // it did: by the mean distance between them. One frame alone keeps fps.
 double selectedRate(double fps, std::span<const size_t> indices);

@@ -8,6 +8,7 @@
 #include "engine/io/image.h"
 #include "engine/io/video.h"
 #include "trainer/data/capture_writer.h"
+#include "trainer/data/frame_selection.h"
 #include "trainer/data/progress.h"
 #include "trainer/data/version.h"
 #include "trainer/eval/metrics.h"
@@ -23,13 +24,6 @@ namespace {
 constexpr size_t kKeySamples = 12;  // pictures that the key learns from
 constexpr size_t kSheetPictures = 24;
 constexpr int kSheetColumns = 8, kSheetLongest = 320;
-
-std::vector<size_t> evenly(size_t count, size_t most) {
-    std::vector<size_t> indices;
-    const size_t n = std::min(count, most);
-    for (size_t i = 0; i < n; ++i) indices.push_back(i * count / n);
-    return indices;
-}
 
 }  // namespace
 

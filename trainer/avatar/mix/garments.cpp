@@ -176,6 +176,19 @@ void removeIslands(std::vector<std::optional<Garment>>& labels,
 
 }  // namespace
 
+glm::dvec3 colourAt(std::span<const float> texture, int size, const glm::dvec2& uv) {
+    const glm::dvec2 place = glm::clamp(uv * double(size) - .5, 0., double(size - 1));
+    const auto left = size_t(place.x), top = size_t(place.y), side = size_t(size);
+    const size_t right = std::min(left + 1, side - 1), below = std::min(top + 1, side - 1);
+    const glm::dvec2 share = place - glm::dvec2(left, top);
+    auto texel = [&](size_t row, size_t column) {
+        const float* colour = &texture[3 * (row * side + column)];
+        return glm::dvec3(colour[0], colour[1], colour[2]);
+    };
+    return glm::mix(glm::mix(texel(top, left), texel(top, right), share.x),
+                    glm::mix(texel(below, left), texel(below, right), share.x), share.y);
+}
+
 std::vector<glm::dvec3> vertexColours(const BodyModel& body, std::span<const float> texture,
                                       int size) {
     CHECK(texture.size() == 3 * size_t(size) * size_t(size), "a texture is square");

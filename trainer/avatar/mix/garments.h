@@ -19,6 +19,9 @@ constexpr size_t number(Garment garment) { return static_cast<size_t>(garment); 
 std::vector<glm::dvec3> vertexColours(const BodyModel& body, std::span<const float> texture,
                                       int size);
 
+// Of a texture [size,size,3] at a place of the atlas, bilinear.
+glm::dvec3 colourAt(std::span<const float> texture, int size, const glm::dvec2& uv);
+
 // [V] Of a texture [size,size,3], sRGB-encoded in [0,1].
 //
 // As GrabCut does in pictures (Rother, Kolmogorov, Blake, SIGGRAPH 2004), with five labels on a

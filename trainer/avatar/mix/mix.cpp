@@ -40,19 +40,7 @@ struct Giver {
                                : glm::dvec3(offsets[3 * v], offsets[3 * v + 1], offsets[3 * v + 2]);
     }
 
-    // Bilinear, at a place of the atlas.
-    glm::dvec3 at(const glm::dvec2& uv) const {
-        const glm::dvec2 place = glm::clamp(uv * double(size) - .5, 0., double(size - 1));
-        const auto left = size_t(place.x), top = size_t(place.y), side = size_t(size);
-        const size_t right = std::min(left + 1, side - 1), below = std::min(top + 1, side - 1);
-        const glm::dvec2 share = place - glm::dvec2(left, top);
-        auto texel = [&](size_t row, size_t column) {
-            const float* colour = &(*texture)[3 * (row * side + column)];
-            return glm::dvec3(colour[0], colour[1], colour[2]);
-        };
-        return glm::mix(glm::mix(texel(top, left), texel(top, right), share.x),
-                        glm::mix(texel(below, left), texel(below, right), share.x), share.y);
-    }
+    glm::dvec3 at(const glm::dvec2& uv) const { return colourAt(*texture, size, uv); }
 
     // skin: how much of the place is skin, 0 to 1.
     glm::dvec3 matched(const glm::dvec3& colour, double skin) const {

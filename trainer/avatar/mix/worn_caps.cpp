@@ -30,22 +30,6 @@ const std::vector<float>& textureOf(const Avatar& avatar) {
     return avatar.bakedTexture.empty() ? avatar.texture : avatar.bakedTexture;
 }
 
-// Bilinear, at a place of the atlas.
-glm::vec3 colourAt(const Avatar& avatar, const glm::vec2& uv) {
-    const std::vector<float>& texture = textureOf(avatar);
-    const auto side = static_cast<size_t>(avatar.textureSize);
-    const glm::vec2 at = glm::clamp(uv * float(side) - .5f, 0.f, float(side - 1));
-    const auto left = static_cast<size_t>(at.x), top = static_cast<size_t>(at.y);
-    const size_t right = std::min(left + 1, side - 1), below = std::min(top + 1, side - 1);
-    const glm::vec2 share = at - glm::vec2(left, top);
-    auto texel = [&](size_t row, size_t column) {
-        const float* c = &texture[3 * (row * side + column)];
-        return glm::vec3(c[0], c[1], c[2]);
-    };
-    return glm::mix(glm::mix(texel(top, left), texel(top, right), share.x),
-                    glm::mix(texel(below, left), texel(below, right), share.x), share.y);
-}
-
 }  // namespace
 
 Avatar withoutCap(const Avatar& avatar) {
@@ -146,13 +130,13 @@ bool wearCaps(Avatar& avatar, const std::vector<WornPiece>& pieces) {
         if (texels[i].face < body.modelFaces) continue;
         const Source& source = sources[size_t(texels[i].face - body.modelFaces)];
         const BodyModel& from = source.giver->body;
-        glm::vec2 uv(0);
+        glm::dvec2 uv(0);
         for (size_t k = 0; k < 3; ++k) {
             const auto t = static_cast<size_t>(from.uvFaces[3 * source.face + k]);
-            uv += texels[i].corners[k] * glm::vec2(from.uvs[2 * t], from.uvs[2 * t + 1]);
+            uv += double{texels[i].corners[k]} * glm::dvec2(from.uvs[2 * t], from.uvs[2 * t + 1]);
         }
-        const glm::vec3 colour = colourAt(*source.giver, uv);
-        for (int c = 0; c < 3; ++c) avatar.texture[3 * i + size_t(c)] = colour[c];
+        const glm::dvec3 colour = colourAt(textureOf(*source.giver), source.giver->textureSize, uv);
+        for (int c = 0; c < 3; ++c) avatar.texture[3 * i + size_t(c)] = float(colour[c]);
     }
     spreadCharts(texels, avatar.textureSize, avatar.texture);
     return true;

@@ -4,14 +4,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <deque>
-#include <glm/gtc/matrix_transform.hpp>
 #include <numbers>
 
 #include "nn/body/mesh_topology.h"
+#include "trainer/avatar/rig.h"
 #include "trainer/data/body_render.h"
-#include "trainer/data/progress.h"
-#include "trainer/motion/retarget/proportions.h"
+#include "trainer/data/frame_selection.h"
+#include "trainer/data/shared_work.h"
 #include "trainer/stages/caps/cells.h"
 #include "trainer/stages/stage.h"
 
@@ -40,18 +39,14 @@ struct RestBody {
 RestBody restBody(const BodyModel& body, const Betas& betas) {
     const std::vector<double> verts =
         shapedVertices(body, std::vector<double>(betas.begin(), betas.end()));
+    const std::vector<float> sums =
+        areaNormals(std::vector<float>(verts.begin(), verts.end()), body.faces);
     RestBody rest;
-    for (size_t v = 0; v < verts.size() / 3; ++v)
-        rest.places.emplace_back(verts[3 * v], verts[3 * v + 1], verts[3 * v + 2]);
-    rest.normals.resize(rest.places.size());
-    for (size_t f = 0; f < body.faces.size(); f += 3) {
-        std::array<size_t, 3> v;
-        for (size_t k = 0; k < 3; ++k) v[k] = static_cast<size_t>(body.faces[f + k]);
-        const glm::dvec3 twice = glm::cross(rest.places[v[1]] - rest.places[v[0]],
-                                            rest.places[v[2]] - rest.places[v[0]]);
-        for (size_t corner : v) rest.normals[corner] += twice;
+    for (size_t i = 0; i < verts.size(); i += 3) {
+        rest.places.emplace_back(verts[i], verts[i + 1], verts[i + 2]);
+        const glm::dvec3 sum(sums[i], sums[i + 1], sums[i + 2]);
+        rest.normals.push_back(sum / std::max(glm::length(sum), 1e-12));
     }
-    for (glm::dvec3& n : rest.normals) n /= std::max(glm::length(n), 1e-12);
     return rest;
 }
 
@@ -69,41 +64,6 @@ bool carries(const BodyModel& body, size_t v) {
         default:
             return false;
     }
-}
-
-// From the rest pose into camera space, as linear blend skinning has it.
-struct Skin {
-    std::vector<glm::dmat3> turn;
-    std::vector<glm::dvec3> shift;
-
-    glm::dvec3 at(size_t v, const glm::dvec3& p) const { return turn[v] * p + shift[v]; }
-};
-
-Skin skinOf(const BodyModel& body, const Proportions& joints, const Theta& theta,
-            const Trans& trans) {
-    JointPose pose;
-    for (size_t j = 0; j < joint::kCount; ++j) pose.local[j] = jointRotation(theta, j);
-    pose.pelvis = joints.rest[joint::kPelvis] + glm::dvec3(trans[0], trans[1], trans[2]);
-    const PlacedJoints at = placed(joints, pose);
-    std::array<glm::dmat3, joint::kCount> turns;
-    std::array<glm::dvec3, joint::kCount> shifts;
-    for (size_t j = 0; j < joint::kCount; ++j) {
-        turns[j] = glm::mat3_cast(at.turn[j]);
-        shifts[j] = at.place[j] - turns[j] * joints.rest[j];
-    }
-    Skin skin;
-    for (size_t v = 0; v < body.part.size(); ++v) {
-        glm::dmat3 turn(0);
-        glm::dvec3 shift(0);
-        for (size_t j = 0; j < joint::kCount; ++j)
-            if (const double w = body.weights[v * joint::kCount + j]; w > 0) {
-                turn += w * turns[j];
-                shift += w * shifts[j];
-            }
-        skin.turn.push_back(turn);
-        skin.shift.push_back(shift);
-    }
-    return skin;
 }
 
 // From which of kSides sides a frame shows the trunk.
@@ -149,7 +109,7 @@ Hull carve(Device& device, const BodyModel& body, const RestBody& rest, const Ca
         hull.depth[i] = outside ? glm::length(from) : -glm::length(from);
         if (outside && carries(body, v)) open.push_back(i);
     }
-    const Proportions joints = proportionsOf(body, capture.betas);
+    const Rig rig(body, capture.betas);
     // In how many frames of each side: the picture has the cell; the mask holds it; the mask does
     // and the body leaves it free, so that no arm before it or behind it is what the mask shows.
     std::vector<std::array<uint8_t, kSides>> seen(open.size()), held(open.size()),
@@ -157,7 +117,13 @@ Hull carve(Device& device, const BodyModel& body, const RestBody& rest, const Ca
     BodyPoser poser(device, body);
     MeshDrawer drawer(device, body);
     for (size_t frame : chosen) {
-        const Skin skin = skinOf(body, joints, capture.theta[frame], capture.trans[frame]);
+        const Placement placed = rig.place(capture.theta[frame]);
+        const Trans& t = capture.trans[frame];
+        std::vector<Rig::Blend> skin;
+        for (size_t v = 0; v < rest.places.size(); ++v) {
+            skin.push_back(rig.skin(placed, v));
+            skin.back().move += glm::dvec3(t[0], t[1], t[2]);
+        }
         const size_t side = sideOf(capture.theta[frame], capture.trans[frame]);
         const Camera& camera = capture.frames[frame].camera;
         const auto picture = frames.load(frame);
@@ -165,8 +131,8 @@ Hull carve(Device& device, const BodyModel& body, const RestBody& rest, const Ca
             poser.pose(capture.theta[frame], capture.trans[frame], capture.betas).verts, camera);
         for (size_t n = 0; n < open.size(); ++n) {
             const size_t i = open[n];
-            const glm::dvec3 p = skin.at(static_cast<size_t>(hull.nearest[i]),
-                                         hull.cells.centre(hull.cells.place(i)));
+            const Rig::Blend& by = skin[static_cast<size_t>(hull.nearest[i])];
+            const glm::dvec3 p = by.turn * hull.cells.centre(hull.cells.place(i)) + by.move;
             if (p.z <= .05) continue;
             const auto [u, v] = camera.project({p.x, p.y, p.z});
             if (!(u >= 0 && v >= 0 && u < picture->width && v < picture->height)) continue;
@@ -177,7 +143,6 @@ Hull carve(Device& device, const BodyModel& body, const RestBody& rest, const Ca
             ++held[n][side];
             if (!covered[pixel]) ++free[n][side];
         }
-        if (interrupted()) throw Interrupted{};
     }
     hull.filled.assign(hull.cells.total(), 0);
     hull.needed = hull.filled;
@@ -318,13 +283,6 @@ BodyCap capOf(const BodyModel& body, const RestBody& rest, const Hull& hull,
     return cap;
 }
 
-std::vector<size_t> evenly(size_t count, size_t most) {
-    std::vector<size_t> some;
-    const size_t n = std::min(count, most);
-    for (size_t i = 0; i < n; ++i) some.push_back(i * count / n);
-    return some;
-}
-
 }  // namespace
 
 GrownCap growCap(Device& device, const BodyModel& body, const Capture& capture, FrameCache& frames,
@@ -377,6 +335,7 @@ void trainCaps(Device& device, TrainResult& result, const TrainSettings& setting
     result.capture.betas = avatar.betas;
     FrameCache cache(result.capture);
     GrownCap grown = growCap(device, avatar.body, result.capture, cache, avatar.preset.caps);
+    stopIfInterrupted(settings.ranks);
     if (!grown.cap) {
         fmt::print(stderr, "caps: none: {}\n", grown.why);
         return;
