@@ -323,6 +323,14 @@ TEST(Caps, AreAStageOfTheTraining) {
     EXPECT_EQ(read.body.capVertices(), trained.body.capVertices());
     EXPECT_EQ(read.body.offsets, trained.body.offsets);
     EXPECT_TRUE(isTrained(read, avatar, capture, Precision::Single, settings));
+    // Another cap alone would leave the offsets without their body.
+    TrainSettings alone = settings;
+    alone.stages = {"caps"};
+    const std::string message =
+        test::messageOf<InputError>([&] { trainAvatar(testDevice(), read, capture, alone); });
+    EXPECT_NE(message.find("expected stage shape to be trained with it"), std::string::npos)
+        << message;
+    EXPECT_EQ(readAvatar(folder / "avatar").body.offsets, read.body.offsets);
     // Its outline is nearer to the masks than the body's alone.
     TrainSettings without = settings;
     without.out = folder / "without";

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "engine/error.h"
 #include "nn/body/mesh_topology.h"
 #include "trainer/avatar/rig.h"
 #include "trainer/data/body_render.h"
@@ -332,6 +333,11 @@ void planCaps(Device&, const Avatar&, const Capture&, const TrainSettings&) {}
 void trainCaps(Device& device, TrainResult& result, const TrainSettings& settings) {
     Avatar& avatar = result.avatar;
     if (settings.profileSteps > 0) return;
+    if (!avatar.body.offsets.empty())
+        throwInput(
+            "stage caps: expected stage shape to be trained with it, for the avatar's offsets "
+            "are of the body as it is now; --stages caps,shape,texels,mesh,texture,refine "
+            "trains what stands on it");
     result.capture.betas = avatar.betas;
     FrameCache cache(result.capture);
     GrownCap grown = growCap(device, avatar.body, result.capture, cache, avatar.preset.caps);
