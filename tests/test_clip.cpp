@@ -347,6 +347,63 @@ TEST(BodyPoser3d, StandsTheBodyWhereItsLandmarksAre) {
     }
 }
 
+// Networks see how deep a foot reaches by less than half, and not at all from behind: it is known
+// from how long feet are. Legs that are nearly straight are turned with their feet.
+TEST(BodyPoser3d, FeetPointWhereTheyAreSeenToWhateverTheirDepth) {
+    const BodyModel body = bodyFromNpz(readBodyArrays("default"));
+    const BodyPoser3d poser(body);
+    const Camera camera = cameraOfAngle(600, 1080, kGuessedAngle);
+    for (int side = 0; side < 8; ++side) {
+        Theta theta{};
+        const double heading = 2 * M_PI * side / 8;
+        setJointRotation(theta, joint::kPelvis,
+                         quaternionOf({M_PI, 0, 0}) * quaternionOf({0, heading, 0}));
+        setJointRotation(theta, joint::kLeftHip, quaternionOf({0, .25, 0}));
+        setJointRotation(theta, joint::kRightHip, quaternionOf({0, -.25, 0}));
+        const auto joints = jointsOf(body, theta, {0, .1f, 3.2f});
+        PersonLandmarks person =
+            landmarksOfBody(joints, jointRotation(theta, joint::kPelvis), camera);
+        std::array<glm::dvec3, 2> forward, truth;  // of the rest pose, of this one
+        for (const bool left : {true, false}) {
+            const glm::dquat turned =
+                jointRotation(theta, joint::kPelvis) *
+                jointRotation(theta, left ? joint::kLeftHip : joint::kRightHip);
+            const auto rest = restJoints(body, std::vector<double>(10));
+            const double* from = &rest[3 * (left ? joint::kLeftAnkle : joint::kRightAnkle)];
+            const double* to = &rest[3 * (left ? joint::kLeftFoot : joint::kRightFoot)];
+            forward[left] = glm::normalize(glm::dvec3(to[0] - from[0], 0, to[2] - from[2]));
+            truth[left] = turned * forward[left];
+            const glm::dvec3 heel = joints[left ? joint::kLeftAnkle : joint::kRightAnkle] +
+                                    turned * glm::dvec3(0, -.06, -.05),
+                             tip = heel + .22 * truth[left];
+            Landmark& seenHeel = person.points[left ? landmark::kLeftHeel : landmark::kRightHeel];
+            Landmark& seenTip =
+                person.points[left ? landmark::kLeftFootTip : landmark::kRightFootTip];
+            const auto u = camera.project({heel.x, heel.y, heel.z}),
+                       v = camera.project({tip.x, tip.y, tip.z});
+            seenHeel.picture = {u[0], u[1], 0};
+            seenTip.picture = {v[0], v[1], 0};
+            seenTip.world = seenHeel.world;
+            if (truth[left].z < 0) seenTip.world[2] += .85 * .4 * .22 * truth[left].z;
+        }
+        const BodyStart start = poser(person, camera);
+        for (const bool left : {true, false}) {
+            const glm::dquat thigh =
+                jointRotation(start.theta, joint::kPelvis) *
+                jointRotation(start.theta, left ? joint::kLeftHip : joint::kRightHip);
+            const glm::dquat foot =
+                thigh * jointRotation(start.theta, left ? joint::kLeftKnee : joint::kRightKnee) *
+                jointRotation(start.theta, left ? joint::kLeftAnkle : joint::kRightAnkle);
+            const auto angle = [&](const glm::dquat& q) {
+                return glm::degrees(
+                    std::acos(std::clamp(glm::dot(q * forward[left], truth[left]), -1., 1.)));
+            };
+            EXPECT_LT(angle(foot), 10) << side << (left ? " left" : " right");
+            EXPECT_LT(angle(thigh), 15) << side << (left ? " left" : " right");
+        }
+    }
+}
+
 TEST(BodyPoser3d, LandmarksAreMovedToTheJoints) {
     const BodyModel body = bodyFromNpz(readBodyArrays("default"));
     const BodyPoser3d poser(body);

@@ -45,6 +45,9 @@ dvec3 withoutPart(const dvec3& v, const dvec3& along) {
     return v - glm::dot(v, a) * a;
 }
 
+// From heel to the tip of the big toe, as landmarks have them, metres of the body.
+constexpr double kFootLength = .22;
+
 // A point of a body, in metres about its middle, and where it is seen.
 struct Seen {
     dvec3 point;
@@ -291,6 +294,40 @@ BodyStart BodyPoser3d::operator()(const PersonLandmarks& person, const Camera& c
          kRightAnkle,
          {0, 0, -1}},
     };
+    // As it points in the rest pose, a little outwards; soles are flat on the ground.
+    const auto restFoot = [&](bool left) {
+        dvec3 foot = left ? restBone(joint::kLeftAnkle, joint::kLeftFoot)
+                          : restBone(joint::kRightAnkle, joint::kRightFoot);
+        foot.y = 0;
+        return foot;
+    };
+    // From heel to toes. The landmarks in space make feet half as long as they are, and their depth
+    // little or wrong, from behind above all. The tip is where its ray is a foot's length from the
+    // heel, which is as deep as the ankle: of two such places the one that is more to the front,
+    // as the shin has it.
+    const double footLength = kFootLength * glm::length(up) / glm::length(restUp);
+    const auto footOf = [&](const Limb& limb) {
+        const bool left = limb.end == joint::kLeftAnkle;
+        const auto ray = [&](size_t i) {
+            const Point3& p = person.points[i].picture;
+            return dvec3((p[0] - camera.cx) / camera.fx, (p[1] - camera.cy) / camera.fy, 1);
+        };
+        const double depth = std::max(distance + person.points[limb.endAt].world[2], .1 * distance);
+        const dvec3 heel = ray(left ? kLeftHeel : kRightHeel) * depth,
+                    tip = ray(left ? kLeftFootTip : kRightFootTip);
+        // (depth - middle)² along the ray. Where the foot lies across the view a length that is off
+        // by a tenth would turn it by 26 degrees, so that what is small is made smaller.
+        const double along = glm::dot(tip, tip), middle = glm::dot(tip, heel) / along;
+        const double square = std::max(
+            0., middle * middle - (glm::dot(heel, heel) - footLength * footLength) / along);
+        const double doubt = std::pow(.4 * footLength, 2) / along;
+        const double root = square / std::sqrt(square + doubt);
+        const dvec3 shin = bone(limb.lowerAt, limb.endAt);
+        const dvec3 forward =
+            swing(pelvis * restBone(limb.lower, limb.end), shin) * pelvis * restFoot(left);
+        const dvec3 near = tip * (middle - root) - heel, far = tip * (middle + root) - heel;
+        return glm::dot(near, forward) > glm::dot(far, forward) ? near : far;
+    };
     for (const Limb& limb : limbs) {
         const bool leg = limb.upper == joint::kLeftHip || limb.upper == joint::kRightHip;
         const dquat parent = leg ? pelvis : chest, back = glm::inverse(parent);
@@ -304,25 +341,23 @@ BodyStart BodyPoser3d::operator()(const PersonLandmarks& person, const Camera& c
         // foot's, an arm's that of the smallest turn.
         const dvec3 bent = withoutPart(lower, upper) / std::max(glm::length(lower), 1e-9);
         dvec3 plane = straight * restPlane;
+        const dvec3 foot = leg ? footOf(limb) : dvec3(0);
         if (leg) {
-            const bool left = limb.upper == joint::kLeftHip;
-            const dvec3 foot =
-                back * (left ? bone(kLeftHeel, kLeftFootTip) : bone(kRightHeel, kRightFootTip));
-            plane += -2. * withoutPart(foot, upper) / std::max(glm::length(foot), 1e-6);
+            plane += -2. * withoutPart(back * foot, upper) / std::max(glm::length(foot), 1e-6);
             plane /= std::max(glm::length(plane), 1e-9);
         }
-        plane = .3 * plane + bent * std::min(1., glm::length(bent) / .3);
+        // Knees' depths are off by what a bend of 15 degrees is; what elbows say is surer than the
+        // smallest turn.
+        const double sine = glm::length(bent);
+        plane = leg ? plane + bent * sine : .3 * plane + bent * std::min(1., sine / .3);
         const dquat hinge = glm::quat_cast(frameOf(upper, withoutPart(plane, upper)) *
                                            glm::transpose(frameOf(restUpper, restPlane)));
         turned[limb.upper] = hinge;
         turned[limb.lower] = atMost(swing(restLower, glm::inverse(hinge) * lower), 2.8);
         if (!leg) continue;
-        const bool left = limb.upper == joint::kLeftHip;
-        const dvec3 foot = left ? bone(kLeftHeel, kLeftFootTip) : bone(kRightHeel, kRightFootTip);
-        dvec3 restFoot = restBone(limb.end, left ? joint::kLeftFoot : joint::kRightFoot);
-        restFoot.y = 0;  // soles are flat on the ground
         const dquat shin = parent * hinge * turned[limb.lower];
-        turned[limb.end] = atMost(swing(restFoot, glm::inverse(shin) * foot), .8);
+        turned[limb.end] =
+            atMost(swing(restFoot(limb.end == joint::kLeftAnkle), glm::inverse(shin) * foot), .8);
     }
 
     // Joints about the pelvis, in the camera's axes.
