@@ -269,16 +269,45 @@ TEST_F(Resume, KeepsThePosesThatItFound) {
     // Whoever moves is told likewise, however the motion is called.
     Motion motion = readMotion(capture());
     motion.name = "another name";
-    EXPECT_TRUE(wasTrainedOn(whole(), motion));
+    Motion found = motion;
+    EXPECT_EQ(takeTrainingPoses(whole(), found), motion.size());
+    EXPECT_EQ(found.theta, seen.theta);
+    EXPECT_EQ(found.trans, seen.trans);
     const std::vector<TrainedFrame> known = trainedFrames(whole(), motion.subset(last));
     ASSERT_EQ(known.size(), 1u);
     EXPECT_EQ(known[0].frame, 0u);
     EXPECT_EQ(known[0].theta, seen.theta.back());
     Motion others = motion;
     for (Theta& theta : others.theta) theta[5] += .1f;
-    EXPECT_FALSE(wasTrainedOn(whole(), others));
+    EXPECT_TRUE(trainedFrames(whole(), others).empty());
+    // A frame between two that were seen is corrected by what lies between their corrections, one
+    // that is a second away from them is not.
+    Motion between = motion.subset(std::vector<size_t>{0, 0, 1, 1, 1});
+    between.fps = 3;
+    between.trans[1] = {9, 9, 9};
+    between.trans[3] = between.trans[4] = {5, 5, 5};
+    EXPECT_EQ(takeTrainingPoses(whole(), between), 4u);
+    EXPECT_EQ(between.theta[0], seen.theta[0]);
+    EXPECT_EQ(between.theta[2], seen.theta[1]);
+    for (size_t k = 0; k < 3; ++k)
+        EXPECT_NEAR(
+            between.trans[1][k],
+            9 + (seen.trans[0][k] - given.trans[0][k] + seen.trans[1][k] - given.trans[1][k]) / 2,
+            1e-5);
+    const auto turnOf = [](const Theta& from, const Theta& to, size_t j) {
+        return glm::inverse(jointRotation(from, j)) * jointRotation(to, j);
+    };
+    for (size_t j = 0; j < kJointCount; ++j) {
+        const glm::dquat first = turnOf(given.theta[0], seen.theta[0], j),
+                         second = turnOf(given.theta[1], seen.theta[1], j),
+                         own = turnOf(given.theta[0], between.theta[1], j);
+        EXPECT_NEAR(std::abs(glm::dot(own, glm::slerp(first, second, .5))), 1, 1e-9) << j;
+    }
+    EXPECT_NE(between.theta[3], given.theta[1]);
+    EXPECT_EQ(between.theta[4], given.theta[1]);
+    EXPECT_EQ(between.trans[4][0], 5);
     motion.cameras.clear();
-    EXPECT_FALSE(wasTrainedOn(whole(), motion));
+    EXPECT_TRUE(trainedFrames(whole(), motion).empty());
 
     const double asGiven =
         meanMetrics(evaluateAvatar(testDevice(), readAvatar(whole()), given)).iou;

@@ -57,9 +57,9 @@ Take Viewer::readForPlaying(const fs::path& path, const std::string& frames) {
     std::vector<TrainedFrame> trained;
     if (!take) {
         Motion read = readMotion(path);
-        const RetargetTarget target = targetOf(avatar_->avatar, source_.folder(), read);
         const std::vector<TrainedFrame> known = trainedFrames(source_.folder(), read);
-        Retargeted retargeted = retargetTo(target, std::move(read), options_.retarget);
+        Retargeted retargeted =
+            performed(avatar_->avatar, source_.folder(), std::move(read), options_.retarget);
         if (!retargeted.summary.empty()) say(path.filename().string() + ": " + retargeted.summary);
         std::vector<size_t> chosen = selectFrames(frames, retargeted.motion.size());
         for (size_t i = 0; i < chosen.size(); ++i) {

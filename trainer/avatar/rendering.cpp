@@ -17,6 +17,7 @@
 #include "trainer/data/pose.h"
 #include "trainer/data/progress.h"
 #include "trainer/motion/session.h"
+#include "trainer/motion/smooth.h"
 #include "trainer/motion/upright.h"
 
 namespace doppel {
@@ -27,9 +28,18 @@ constexpr int kSamples = 2;  // per pixel and axis
 
 }  // namespace
 
-RetargetTarget targetOf(const Avatar& avatar, const std::filesystem::path& folder,
-                        const Motion& motionAsRead) {
-    return {avatar.body, avatar.betas, wasTrainedOn(folder, motionAsRead)};
+Retargeted performed(const Avatar& avatar, const std::filesystem::path& folder, Motion motion,
+                     const RetargetSettings& settings, double smooth) {
+    const size_t known = trainedFrames(folder, motion).size();
+    const size_t taken = settings.givenPoses ? 0 : takeTrainingPoses(folder, motion);
+    Retargeted result = retargetTo({avatar.body, avatar.betas, known > 0},
+                                   smoothed(std::move(motion), smooth), settings);
+    if (taken > 0)
+        result.summary = fmt::format(
+            "the poses that training found for {} of its {} frames are taken; "
+            "--given-poses leaves them as the capture has them{}{}",
+            known, result.motion.size(), result.summary.empty() ? "" : "; ", result.summary);
+    return result;
 }
 
 Shot restShot(Device& device, const Avatar& avatar, int size) {

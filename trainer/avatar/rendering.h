@@ -15,10 +15,12 @@
 
 namespace doppel {
 
-// The avatar as one who is given this motion (retargetTo), which is told from its own by the poses
-// that it has as it was read. folder: the avatar's. The avatar outlives it.
-RetargetTarget targetOf(const Avatar& avatar, const std::filesystem::path& folder,
-                        const Motion& motionAsRead);
+// A motion as the avatar performs it, whole, before frames are chosen of it: a capture's frames
+// that it was learnt from in the poses that training found, and those between them likewise
+// (trainer/avatar/training_poses.h); smoothed by so many frames; then retargeted. folder: the
+// avatar's. The summary says what was done to it.
+Retargeted performed(const Avatar& avatar, const std::filesystem::path& folder, Motion motionAsRead,
+                     const RetargetSettings& settings, double smooth = 0);
 
 // One picture to draw: a pose in camera space and the camera.
 struct Shot {

@@ -76,8 +76,54 @@ std::vector<TrainedFrame> trainedFrames(const std::filesystem::path& avatar, con
     return framesAmong(avatar, motion.theta, motion.trans);
 }
 
-bool wasTrainedOn(const std::filesystem::path& avatar, const Motion& motion) {
-    return !trainedFrames(avatar, motion).empty();
+size_t takeTrainingPoses(const std::filesystem::path& avatar, Motion& motion) {
+    const std::vector<TrainedFrame> known = trainedFrames(avatar, motion);
+    // What training changed of a frame.
+    struct Correction {
+        std::array<glm::dquat, kJointCount> turn;
+        glm::dvec3 way;
+    };
+    const auto placeOf = [](const Trans& t) { return glm::dvec3(t[0], t[1], t[2]); };
+    std::vector<Correction> corrections;
+    for (const TrainedFrame& trained : known) {
+        Correction& correction = corrections.emplace_back();
+        for (size_t j = 0; j < kJointCount; ++j)
+            correction.turn[j] = glm::inverse(jointRotation(motion.theta[trained.frame], j)) *
+                                 jointRotation(trained.theta, j);
+        correction.way = placeOf(trained.trans) - placeOf(motion.trans[trained.frame]);
+    }
+    const double reach = motion.fps / 2;  // frames
+    size_t taken = 0;
+    auto next = known.begin();  // the first that is not before the frame
+    for (size_t f = 0; f < motion.size(); ++f) {
+        while (next != known.end() && next->frame < f) ++next;
+        if (next != known.end() && next->frame == f) {
+            motion.theta[f] = next->theta;
+            motion.trans[f] = next->trans;
+            ++taken;
+            continue;
+        }
+        const auto gap = [&](auto at) {
+            return std::abs(static_cast<double>(at->frame) - static_cast<double>(f));
+        };
+        const auto before = next == known.begin() ? known.end() : next - 1;
+        const bool hasBefore = before != known.end() && gap(before) <= reach;
+        const bool hasNext = next != known.end() && gap(next) <= reach;
+        if (!hasBefore && !hasNext) continue;
+        const double share = !hasBefore ? 1
+                             : !hasNext ? 0
+                                        : gap(before) / (gap(before) + gap(next));
+        const Correction& a = corrections[size_t((hasBefore ? before : next) - known.begin())];
+        const Correction& b = corrections[size_t((hasNext ? next : before) - known.begin())];
+        for (size_t j = 0; j < kJointCount; ++j)
+            setJointRotation(
+                motion.theta[f], j,
+                jointRotation(motion.theta[f], j) * glm::slerp(a.turn[j], b.turn[j], share));
+        const glm::dvec3 place = placeOf(motion.trans[f]) + glm::mix(a.way, b.way, share);
+        for (int k = 0; k < 3; ++k) motion.trans[f][size_t(k)] = static_cast<float>(place[k]);
+        ++taken;
+    }
+    return taken;
 }
 
 }  // namespace doppel

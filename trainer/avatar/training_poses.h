@@ -31,7 +31,11 @@ struct TrainedFrame {
 // Those of the motion's frames, as it was read, told likewise; none where it is no capture.
 // InputError likewise.
 std::vector<TrainedFrame> trainedFrames(const std::filesystem::path& avatar, const Motion& motion);
-// Whether there are any.
-bool wasTrainedOn(const std::filesystem::path& avatar, const Motion& motion);
+
+// Gives these frames the poses that training found. A frame within half a second of one is
+// corrected as that is, and between two of them by what lies between their corrections: joint by
+// joint the rotation that leads from the given pose to the found one, and the way. Returns how many
+// poses are others now.
+size_t takeTrainingPoses(const std::filesystem::path& avatar, Motion& motion);
 
 }  // namespace doppel

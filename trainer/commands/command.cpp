@@ -91,6 +91,9 @@ void CommandFlags::retarget(RetargetSettings& settings) {
                     "space: as high above the ground, as far from the root")
         ->capture_default_str()
         ->check(CLI::IsMember({"proportion", "space"}));
+    app_.add_flag("--given-poses", settings.givenPoses,
+                  "Of a capture that the avatar was learnt from: its poses, and not those that "
+                  "training found");
 }
 
 void CommandFlags::texture(std::string& texture) {

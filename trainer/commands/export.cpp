@@ -70,8 +70,7 @@ void runExport(const ExportOptions& options) {
         const Motion read = readMotion(path);
         if (const std::string taken = takenAs(read); !taken.empty())
             fmt::print(stderr, "{}: {}\n", path.string(), taken);
-        const Retargeted retargeted =
-            retargetTo(targetOf(avatar, options.avatar, read), read, options.retarget);
+        const Retargeted retargeted = performed(avatar, options.avatar, read, options.retarget);
         if (!retargeted.summary.empty())
             fmt::print(stderr, "{}: {}\n", path.string(), retargeted.summary);
         motions.push_back(retargeted.motion.subset(selectFrames(options.frames, read.size())));

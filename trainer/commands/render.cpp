@@ -194,9 +194,8 @@ void runRender(const RenderOptions& options) {
     std::vector<size_t> chosen = selectFrames(options.frames, motion.size());
     const double rate = motion.fps;
     // Smoothed and retargeted whole, so that a part of a motion moves as it does in the whole.
-    const RetargetTarget target = targetOf(avatar, options.avatar, motion);
     const Retargeted retargeted =
-        retargetTo(target, smoothed(std::move(motion), options.smooth), options.retarget);
+        performed(avatar, options.avatar, std::move(motion), options.retarget, options.smooth);
     if (!retargeted.summary.empty())
         fmt::print(stderr, "{}: {}\n", options.motion.string(), retargeted.summary);
     Motion whole = retargeted.motion;

@@ -45,8 +45,8 @@ void runRetarget(const RetargetCommandOptions& options) {
     Motion motion = readMotion(options.motion);
     if (const std::string taken = takenAs(motion); !taken.empty())
         fmt::print(stderr, "{}: {}\n", options.motion.string(), taken);
-    const RetargetTarget target = targetOf(avatar, options.avatar, motion);
-    const Retargeted result = retargetTo(target, std::move(motion), options.settings);
+    const Retargeted result =
+        performed(avatar, options.avatar, std::move(motion), options.settings);
     Npz arrays = posesArrays(result.motion.theta, result.motion.trans, avatar.betas);
     arrays.set("fps", Array::scalarF64(result.motion.fps));
     if (!result.contacts.empty()) addContacts(arrays, result.contacts);

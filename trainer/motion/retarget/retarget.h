@@ -85,6 +85,9 @@ struct RetargetSettings {
     bool on = true;
     std::filesystem::path contacts;  // a file; empty: they are found
     std::string reach = "proportion";
+    // Of a motion that the avatar was learnt from: its own poses in place of those that training
+    // found (trainer/avatar/rendering.h).
+    bool givenPoses = false;
 };
 
 // The whole motion for that body, before frames are chosen of it. The source's body is the target's
