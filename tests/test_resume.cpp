@@ -13,6 +13,7 @@
 #include "tests/op_test.h"
 #include "tests/tiny_training.h"
 #include "trainer/avatar/checkpoint.h"
+#include "trainer/avatar/rendering.h"
 #include "trainer/avatar/training_poses.h"
 #include "trainer/commands/train.h"
 #include "trainer/eval/evaluate.h"
@@ -273,6 +274,14 @@ TEST_F(Resume, KeepsThePosesThatItFound) {
     EXPECT_EQ(takeTrainingPoses(whole(), found), motion.size());
     EXPECT_EQ(found.theta, seen.theta);
     EXPECT_EQ(found.trans, seen.trans);
+    const Avatar person = readAvatar(whole());
+    const Retargeted shown = performed(person, whole(), readMotion(capture()), {});
+    EXPECT_EQ(shown.motion.theta, seen.theta);
+    EXPECT_NE(shown.summary.find("--given-poses"), std::string::npos) << shown.summary;
+    const Retargeted asGivenTo =
+        performed(person, whole(), readMotion(capture()), {.givenPoses = true});
+    EXPECT_EQ(asGivenTo.motion.theta, given.theta);
+    EXPECT_EQ(asGivenTo.summary, "");
     const std::vector<TrainedFrame> known = trainedFrames(whole(), motion.subset(last));
     ASSERT_EQ(known.size(), 1u);
     EXPECT_EQ(known[0].frame, 0u);
