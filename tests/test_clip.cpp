@@ -1,5 +1,5 @@
 // Clips: which frames of a video or a folder are kept and how fast they play, masks led along
-// edges, poses from landmarks, and from a film to a capture.
+// edges, and from a film to a capture.
 #include "trainer/import/clip.h"
 
 #include <gtest/gtest.h>
@@ -17,6 +17,7 @@
 #include "tests/op_test.h"
 #include "trainer/avatar/avatar.h"
 #include "trainer/data/frame_selection.h"
+#include "trainer/eval/clip_truth.h"
 #include "trainer/import/import.h"
 #include "trainer/motion/synthetic.h"
 #include "trainer/person/body_start.h"
@@ -250,237 +251,6 @@ TEST(PersonMask, IslandsAreLeftOut) {
     EXPECT_GT(overlap(mask, disc.truth), .86);
 }
 
-// ---- poses --------------------------------------------------------------------------------------
-
-// Joints of a posed body in camera space, by the definition in nn/ops/body.h.
-std::array<glm::dvec3, joint::kCount> jointsOf(const BodyModel& body, const Theta& theta,
-                                               const Trans& trans) {
-    const auto flat = restJoints(body, std::vector<double>(10));
-    const auto rest = [&](size_t j) {
-        return glm::dvec3(flat[3 * j], flat[3 * j + 1], flat[3 * j + 2]);
-    };
-    std::array<glm::dvec3, joint::kCount> place;
-    std::array<glm::dquat, joint::kCount> turned;
-    for (size_t j = 0; j < joint::kCount; ++j) {
-        const int parent = body.parents[j];
-        turned[j] = jointRotation(theta, j);
-        if (parent < 0) {
-            place[j] = rest(j) + glm::dvec3(trans[0], trans[1], trans[2]);
-            continue;
-        }
-        const auto p = size_t(parent);
-        turned[j] = turned[p] * turned[j];
-        place[j] = place[p] + turned[p] * (rest(j) - rest(p));
-    }
-    return place;
-}
-
-// What a perfect network would see of a body, on a scale of its own.
-PersonLandmarks landmarksOfBody(const std::array<glm::dvec3, joint::kCount>& joints,
-                                const glm::dquat& head, const Camera& camera) {
-    PersonLandmarks person;
-    const glm::dvec3 middle = (joints[joint::kLeftHip] + joints[joint::kRightHip]) / 2.;
-    const auto put = [&](size_t i, const glm::dvec3& at) {
-        const glm::dvec3 world = .85 * (at - middle);
-        const auto uv = camera.project({at.x, at.y, at.z});
-        person.points[i] = {{uv[0], uv[1], 0}, {world.x, world.y, world.z}, 1, 1};
-    };
-    for (size_t j = 0; j < joint::kCount; ++j)
-        if (const auto i = landmarkOfJoint(j)) put(*i, joints[j]);
-    for (size_t i = landmark::kLeftPinky; i <= landmark::kRightThumb; ++i)
-        put(i, joints[i % 2 ? joint::kLeftWrist : joint::kRightWrist]);
-    const glm::dvec3 centre = joints[joint::kHead];
-    put(landmark::kLeftEar, centre + head * glm::dvec3(.07, .08, 0));
-    put(landmark::kRightEar, centre + head * glm::dvec3(-.07, .08, 0));
-    put(landmark::kNose, centre + head * glm::dvec3(0, .055, .1));
-    for (const auto& [ankle, foot, heel, tip] :
-         {std::array{size_t(joint::kLeftAnkle), size_t(joint::kLeftFoot),
-                     size_t(landmark::kLeftHeel), size_t(landmark::kLeftFootTip)},
-          {size_t(joint::kRightAnkle), size_t(joint::kRightFoot), size_t(landmark::kRightHeel),
-           size_t(landmark::kRightFootTip)}}) {
-        put(heel, joints[ankle]);
-        put(tip, joints[foot]);
-    }
-    return person;
-}
-
-TEST(BodyPoser3d, StandsTheBodyWhereItsLandmarksAre) {
-    const BodyModel body = bodyFromNpz(readBodyArrays("default"));
-    const BodyPoser3d poser(body);
-    const Camera camera = cameraOfAngle(600, 1080, kGuessedAngle);
-    EXPECT_NEAR(2 * std::atan(1080 / 2. / camera.fy), 60 * M_PI / 180, 1e-9);
-    std::mt19937 random(3);
-    std::uniform_real_distribution<double> uniform(-1, 1);
-    for (int round = 0; round < 20; ++round) {
-        Theta theta{};
-        const auto turn = [&](size_t j, const glm::dvec3& axisAngle) {
-            setJointRotation(theta, j, quaternionOf(axisAngle));
-        };
-        // Upright before the camera, turned anywhere about its own axis; hinges bend one way.
-        setJointRotation(
-            theta, joint::kPelvis,
-            quaternionOf({M_PI, 0, 0}) *
-                quaternionOf({.2 * uniform(random), M_PI * uniform(random), .2 * uniform(random)}));
-        turn(joint::kLeftElbow, {0, -.3 - std::abs(uniform(random)), 0});
-        turn(joint::kRightElbow, {0, .3 + std::abs(uniform(random)), 0});
-        turn(joint::kLeftKnee, {.2 + std::abs(uniform(random)), 0, 0});
-        turn(joint::kRightKnee, {.2 + std::abs(uniform(random)), 0, 0});
-        for (size_t j : {joint::kLeftShoulder, joint::kRightShoulder})
-            turn(j, {.5 * uniform(random), .5 * uniform(random), uniform(random)});
-        for (size_t j : {joint::kLeftHip, joint::kRightHip})
-            turn(j, {.6 * uniform(random), .2 * uniform(random), .3 * uniform(random)});
-        const Trans trans{.3f * float(uniform(random)), .2f, 3.5f + float(uniform(random))};
-        const auto joints = jointsOf(body, theta, trans);
-        glm::dquat head = jointRotation(theta, joint::kPelvis);
-        const BodyStart start = poser(landmarksOfBody(joints, head, camera), camera);
-        const auto found = jointsOf(body, start.theta, start.trans);
-        for (size_t j = 0; j < joint::kCount; ++j) {
-            if (!landmarkOfJoint(j)) continue;
-            EXPECT_LT(glm::length(found[j] - joints[j]), .02)
-                << jointName(j) << " in round " << round;
-        }
-        EXPECT_LT(start.residual, 3) << round;
-        // Hinges bend about their own axes.
-        const glm::dvec3 elbow = axisAngleOf(jointRotation(start.theta, joint::kLeftElbow));
-        EXPECT_LT(glm::length(glm::dvec3(elbow.x, 0, elbow.z)), .3 * glm::length(elbow)) << round;
-        EXPECT_LT(elbow.y, 0) << round;
-    }
-}
-
-// Networks see how deep a foot reaches by less than half, and not at all from behind: it is known
-// from how long feet are. Legs that are nearly straight are turned with their feet.
-TEST(BodyPoser3d, FeetPointWhereTheyAreSeenToWhateverTheirDepth) {
-    const BodyModel body = bodyFromNpz(readBodyArrays("default"));
-    const BodyPoser3d poser(body);
-    const Camera camera = cameraOfAngle(600, 1080, kGuessedAngle);
-    for (int side = 0; side < 8; ++side) {
-        Theta theta{};
-        const double heading = 2 * M_PI * side / 8;
-        setJointRotation(theta, joint::kPelvis,
-                         quaternionOf({M_PI, 0, 0}) * quaternionOf({0, heading, 0}));
-        setJointRotation(theta, joint::kLeftHip, quaternionOf({0, .25, 0}));
-        setJointRotation(theta, joint::kRightHip, quaternionOf({0, -.25, 0}));
-        const auto joints = jointsOf(body, theta, {0, .1f, 3.2f});
-        PersonLandmarks person =
-            landmarksOfBody(joints, jointRotation(theta, joint::kPelvis), camera);
-        std::array<glm::dvec3, 2> forward, truth;  // of the rest pose, of this one
-        for (const bool left : {true, false}) {
-            const glm::dquat turned =
-                jointRotation(theta, joint::kPelvis) *
-                jointRotation(theta, left ? joint::kLeftHip : joint::kRightHip);
-            const auto rest = restJoints(body, std::vector<double>(10));
-            const double* from = &rest[3 * (left ? joint::kLeftAnkle : joint::kRightAnkle)];
-            const double* to = &rest[3 * (left ? joint::kLeftFoot : joint::kRightFoot)];
-            forward[left] = glm::normalize(glm::dvec3(to[0] - from[0], 0, to[2] - from[2]));
-            truth[left] = turned * forward[left];
-            const glm::dvec3 heel = joints[left ? joint::kLeftAnkle : joint::kRightAnkle] +
-                                    turned * glm::dvec3(0, -.06, -.05),
-                             tip = heel + .22 * truth[left];
-            Landmark& seenHeel = person.points[left ? landmark::kLeftHeel : landmark::kRightHeel];
-            Landmark& seenTip =
-                person.points[left ? landmark::kLeftFootTip : landmark::kRightFootTip];
-            const auto u = camera.project({heel.x, heel.y, heel.z}),
-                       v = camera.project({tip.x, tip.y, tip.z});
-            seenHeel.picture = {u[0], u[1], 0};
-            seenTip.picture = {v[0], v[1], 0};
-            seenTip.world = seenHeel.world;
-            if (truth[left].z < 0) seenTip.world[2] += .85 * .4 * .22 * truth[left].z;
-        }
-        const BodyStart start = poser(person, camera);
-        for (const bool left : {true, false}) {
-            const glm::dquat thigh =
-                jointRotation(start.theta, joint::kPelvis) *
-                jointRotation(start.theta, left ? joint::kLeftHip : joint::kRightHip);
-            const glm::dquat foot =
-                thigh * jointRotation(start.theta, left ? joint::kLeftKnee : joint::kRightKnee) *
-                jointRotation(start.theta, left ? joint::kLeftAnkle : joint::kRightAnkle);
-            const auto angle = [&](const glm::dquat& q) {
-                return glm::degrees(
-                    std::acos(std::clamp(glm::dot(q * forward[left], truth[left]), -1., 1.)));
-            };
-            EXPECT_LT(angle(foot), 10) << side << (left ? " left" : " right");
-            EXPECT_LT(angle(thigh), 15) << side << (left ? " left" : " right");
-        }
-    }
-}
-
-TEST(BodyPoser3d, LandmarksAreMovedToTheJoints) {
-    const BodyModel body = bodyFromNpz(readBodyArrays("default"));
-    const BodyPoser3d poser(body);
-    const Camera camera = cameraOfAngle(600, 1080, kGuessedAngle);
-    Theta theta{};
-    setJointRotation(theta, joint::kPelvis,
-                     quaternionOf({M_PI, 0, 0}) * quaternionOf({0, M_PI / 2, 0}));
-    const auto joints = jointsOf(body, theta, {0, .2f, 4});
-    const PersonLandmarks person =
-        landmarksOfBody(joints, jointRotation(theta, joint::kPelvis), camera);
-    const PersonLandmarks moved = poser.atJoints(person, camera);
-    const auto by = [&](size_t i, size_t k) {
-        return moved.points[i].world[k] - person.points[i].world[k];
-    };
-    // She is seen from the side, looking to the right: her left is away from the camera. The
-    // landmarks are .85 times as large as she is.
-    EXPECT_NEAR(by(landmark::kLeftHip, 2) / .85,
-                -std::copysign(.025, person.points[landmark::kLeftHip].world[2]), 3e-3);
-    EXPECT_NEAR(by(landmark::kRightHip, 2) / .85,
-                -std::copysign(.025, person.points[landmark::kRightHip].world[2]), 3e-3);
-    EXPECT_NEAR(by(landmark::kLeftHip, 1) / .85, .040, 3e-3);
-    const double forward = person.points[landmark::kNose].world[0] > 0 ? 1 : -1;
-    EXPECT_NEAR(by(landmark::kLeftShoulder, 0) / .85, -.014 * forward, 3e-3);
-    EXPECT_GT(moved.points[landmark::kLeftHip].picture[1],
-              person.points[landmark::kLeftHip].picture[1] + 5);
-    EXPECT_EQ(moved.points[landmark::kLeftKnee].picture,
-              person.points[landmark::kLeftKnee].picture);
-
-    // Where all is in one point there is no trunk to move by.
-    PersonLandmarks point;
-    const PersonLandmarks same = poser.atJoints(point, camera);
-    EXPECT_EQ(same.points[landmark::kLeftHip].world, (Point3{0, 0, 0}));
-    const BodyStart start = poser(same, camera);
-    for (float v : start.theta) EXPECT_TRUE(std::isfinite(v));
-    for (float v : start.trans) EXPECT_TRUE(std::isfinite(v));
-}
-
-TEST(BodyPoser3d, AShapeHasTheHeightThatIsGiven) {
-    const BodyModel body = bodyFromNpz(readBodyArrays("default"));
-    for (double metres : {1.5, 1.65, 1.9}) {
-        const Betas betas = betasOfHeight(body, metres);
-        const auto points = shapedVertices(body, std::vector<double>(betas.begin(), betas.end()));
-        double low = 9, high = -9;
-        for (size_t i = 1; i < points.size(); i += 3) {
-            low = std::min(low, points[i]);
-            high = std::max(high, points[i]);
-        }
-        EXPECT_NEAR(high - low, metres, 1e-3);
-        for (float b : betas) EXPECT_LT(std::abs(b), 4);
-    }
-    // A taller body stands farther away where the picture is the same.
-    const BodyPoser3d small(body), tall(body, betasOfHeight(body, 1.95));
-    const Camera camera = cameraOfAngle(600, 1080, kGuessedAngle);
-    Theta theta{};
-    setJointRotation(theta, joint::kPelvis, quaternionOf({M_PI, 0, 0}));
-    const PersonLandmarks person = landmarksOfBody(jointsOf(body, theta, {0, .2f, 4}),
-                                                   jointRotation(theta, joint::kPelvis), camera);
-    EXPECT_NEAR(small(person, camera).trans[2], 4, .05);
-    EXPECT_GT(tall(person, camera).trans[2], 4.2);
-}
-
-TEST(BodyPoser3d, KeypointsAreOpenPoses) {
-    PersonLandmarks person;
-    for (size_t i = 0; i < landmark::kCount; ++i)
-        person.points[i] = {{double(i), 100. + double(i), 0}, {}, .5, .5};
-    const auto keypoints = openPoseKeypoints(person);
-    const auto joints = keypointJoints("openpose25");
-    for (size_t k = 0; k < joints.size(); ++k) {
-        if (joints[k] < 0) continue;
-        const auto number = landmarkOfJoint(size_t(joints[k]));
-        ASSERT_TRUE(number) << k;
-        EXPECT_EQ(keypoints[3 * k], float(*number));
-        EXPECT_EQ(keypoints[3 * k + 1], 100 + float(*number));
-        EXPECT_EQ(keypoints[3 * k + 2], .25f);
-    }
-}
-
 // ---- all of it ----------------------------------------------------------------------------------
 
 ImportSettings settingsFor(const fs::path& source, const fs::path& out, const BodyModel& body) {
@@ -570,8 +340,8 @@ TEST(ImportClip, ASyntheticActorsJointsAreFound) {
                double(actor.size());
         const Camera& camera = actor.frames[f].camera;
         const BodyStart start = poser(poser.atJoints(person, camera), camera);
-        const auto got = jointsOf(body, start.theta, start.trans);
-        const auto want = jointsOf(body, truth.theta[f], truth.trans[f]);
+        const auto got = jointPlaces(body, Betas{}, start.theta, start.trans);
+        const auto want = jointPlaces(body, Betas{}, truth.theta[f], truth.trans[f]);
         for (size_t j = 0; j < joint::kCount; ++j)
             if (landmarkOfJoint(j))
                 off += glm::length((got[j] - got[0]) - (want[j] - want[0])) / 12. /

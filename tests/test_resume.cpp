@@ -271,15 +271,15 @@ TEST_F(Resume, KeepsThePosesThatItFound) {
     Motion motion = readMotion(capture());
     motion.name = "another name";
     Motion found = motion;
-    EXPECT_EQ(takeTrainingPoses(whole(), found), motion.size());
+    takeTrainingPoses(trainedFrames(whole(), found), found);
     EXPECT_EQ(found.theta, seen.theta);
     EXPECT_EQ(found.trans, seen.trans);
     const Avatar person = readAvatar(whole());
     const Retargeted shown = performed(person, whole(), readMotion(capture()), {});
     EXPECT_EQ(shown.motion.theta, seen.theta);
-    EXPECT_NE(shown.summary.find("--given-poses"), std::string::npos) << shown.summary;
+    EXPECT_NE(shown.summary.find("--retarget off"), std::string::npos) << shown.summary;
     const Retargeted asGivenTo =
-        performed(person, whole(), readMotion(capture()), {.givenPoses = true});
+        performed(person, whole(), readMotion(capture()), {.on = false});
     EXPECT_EQ(asGivenTo.motion.theta, given.theta);
     EXPECT_EQ(asGivenTo.summary, "");
     const std::vector<TrainedFrame> known = trainedFrames(whole(), motion.subset(last));
@@ -295,7 +295,7 @@ TEST_F(Resume, KeepsThePosesThatItFound) {
     between.fps = 3;
     between.trans[1] = {9, 9, 9};
     between.trans[3] = between.trans[4] = {5, 5, 5};
-    EXPECT_EQ(takeTrainingPoses(whole(), between), 4u);
+    takeTrainingPoses(trainedFrames(whole(), between), between);
     EXPECT_EQ(between.theta[0], seen.theta[0]);
     EXPECT_EQ(between.theta[2], seen.theta[1]);
     for (size_t k = 0; k < 3; ++k)

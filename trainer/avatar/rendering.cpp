@@ -30,15 +30,16 @@ constexpr int kSamples = 2;  // per pixel and axis
 
 Retargeted performed(const Avatar& avatar, const std::filesystem::path& folder, Motion motion,
                      const RetargetSettings& settings, double smooth) {
-    const size_t known = trainedFrames(folder, motion).size();
-    const size_t taken = settings.givenPoses ? 0 : takeTrainingPoses(folder, motion);
-    Retargeted result = retargetTo({avatar.body, avatar.betas, known > 0},
+    const std::vector<TrainedFrame> known = trainedFrames(folder, motion);
+    if (settings.on) takeTrainingPoses(known, motion);
+    Retargeted result = retargetTo({avatar.body, avatar.betas, !known.empty()},
                                    smoothed(std::move(motion), smooth), settings);
-    if (taken > 0)
+    result.found = settings.on ? known.size() : 0;
+    if (result.found > 0)
         result.summary = fmt::format(
             "the poses that training found for {} of its {} frames are taken; "
-            "--given-poses leaves them as the capture has them{}{}",
-            known, result.motion.size(), result.summary.empty() ? "" : "; ", result.summary);
+            "--retarget off leaves them as the capture has them{}{}",
+            known.size(), result.motion.size(), result.summary.empty() ? "" : "; ", result.summary);
     return result;
 }
 

@@ -17,8 +17,8 @@ namespace doppel {
 
 // A motion as the avatar performs it, whole, before frames are chosen of it: a capture's frames
 // that it was learnt from in the poses that training found, and those between them likewise
-// (trainer/avatar/training_poses.h); smoothed by so many frames; then retargeted. folder: the
-// avatar's. The summary says what was done to it.
+// (trainer/avatar/training_poses.h); smoothed by so many frames; then retargeted. With
+// settings.on false it is smoothed alone. folder: the avatar's. The summary says what was done.
 Retargeted performed(const Avatar& avatar, const std::filesystem::path& folder, Motion motionAsRead,
                      const RetargetSettings& settings, double smooth = 0);
 

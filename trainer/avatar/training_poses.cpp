@@ -76,8 +76,7 @@ std::vector<TrainedFrame> trainedFrames(const std::filesystem::path& avatar, con
     return framesAmong(avatar, motion.theta, motion.trans);
 }
 
-size_t takeTrainingPoses(const std::filesystem::path& avatar, Motion& motion) {
-    const std::vector<TrainedFrame> known = trainedFrames(avatar, motion);
+void takeTrainingPoses(std::span<const TrainedFrame> known, Motion& motion) {
     // What training changed of a frame.
     struct Correction {
         std::array<glm::dquat, kJointCount> turn;
@@ -93,14 +92,12 @@ size_t takeTrainingPoses(const std::filesystem::path& avatar, Motion& motion) {
         correction.way = placeOf(trained.trans) - placeOf(motion.trans[trained.frame]);
     }
     const double reach = motion.fps / 2;  // frames
-    size_t taken = 0;
-    auto next = known.begin();  // the first that is not before the frame
+    auto next = known.begin();            // the first that is not before the frame
     for (size_t f = 0; f < motion.size(); ++f) {
         while (next != known.end() && next->frame < f) ++next;
         if (next != known.end() && next->frame == f) {
             motion.theta[f] = next->theta;
             motion.trans[f] = next->trans;
-            ++taken;
             continue;
         }
         const auto gap = [&](auto at) {
@@ -121,9 +118,7 @@ size_t takeTrainingPoses(const std::filesystem::path& avatar, Motion& motion) {
                 jointRotation(motion.theta[f], j) * glm::slerp(a.turn[j], b.turn[j], share));
         const glm::dvec3 place = placeOf(motion.trans[f]) + glm::mix(a.way, b.way, share);
         for (int k = 0; k < 3; ++k) motion.trans[f][size_t(k)] = static_cast<float>(place[k]);
-        ++taken;
     }
-    return taken;
 }
 
 }  // namespace doppel

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <filesystem>
+#include <span>
 #include <vector>
 
 #include "trainer/data/capture.h"
@@ -32,10 +33,10 @@ struct TrainedFrame {
 // InputError likewise.
 std::vector<TrainedFrame> trainedFrames(const std::filesystem::path& avatar, const Motion& motion);
 
-// Gives these frames the poses that training found. A frame within half a second of one is
-// corrected as that is, and between two of them by what lies between their corrections: joint by
-// joint the rotation that leads from the given pose to the found one, and the way. Returns how many
-// poses are others now.
-size_t takeTrainingPoses(const std::filesystem::path& avatar, Motion& motion);
+// Gives these of the motion's frames, as it was read, the poses that training found. A frame within
+// half a second of one is corrected as that is, and between two of them by what lies between their
+// corrections: joint by joint the rotation that leads from the given pose to the found one, and the
+// way.
+void takeTrainingPoses(std::span<const TrainedFrame> known, Motion& motion);
 
 }  // namespace doppel

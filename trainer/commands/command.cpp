@@ -80,7 +80,8 @@ void CommandFlags::retarget(RetargetSettings& settings) {
     app_.add_option_function<std::string>(
             "--retarget", [&settings](const std::string& word) { settings.on = word == "on"; },
             "Fit the motion to the avatar where its body differs from the one that moved: root "
-            "scaled by the legs, feet kept on the ground, limbs out of the body; off: as it is")
+            "scaled by the legs, feet kept on the ground, limbs out of the body; frames that the "
+            "avatar was learnt from take the poses that training found; off: as it is")
         ->default_str("on")
         ->check(CLI::IsMember({"on", "off"}));
     path("--contacts", settings.contacts,
@@ -91,9 +92,6 @@ void CommandFlags::retarget(RetargetSettings& settings) {
                     "space: as high above the ground, as far from the root")
         ->capture_default_str()
         ->check(CLI::IsMember({"proportion", "space"}));
-    app_.add_flag("--given-poses", settings.givenPoses,
-                  "Of a capture that the avatar was learnt from: its poses, and not those that "
-                  "training found");
 }
 
 void CommandFlags::texture(std::string& texture) {

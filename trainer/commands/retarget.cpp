@@ -54,7 +54,8 @@ void runRetarget(const RetargetCommandOptions& options) {
     if (options.common.json) {
         nlohmann::ordered_json json{{"out", options.out.string()},
                                     {"frames", result.motion.size()},
-                                    {"changed", result.changed}};
+                                    {"changed", result.changed},
+                                    {"training_poses", result.found}};
         if (result.changed) json.update(retargetJson(result));
         printJson(json);
         return;

@@ -321,7 +321,7 @@ BodyStart BodyPoser3d::operator()(const PersonLandmarks& person, const Camera& c
         const double square = std::max(
             0., middle * middle - (glm::dot(heel, heel) - footLength * footLength) / along);
         const double doubt = std::pow(.4 * footLength, 2) / along;
-        const double root = square / std::sqrt(square + doubt);
+        const double root = square / std::sqrt(square + doubt + 1e-12);
         const dvec3 shin = bone(limb.lowerAt, limb.endAt);
         const dvec3 forward =
             swing(pelvis * restBone(limb.lower, limb.end), shin) * pelvis * restFoot(left);

@@ -47,6 +47,7 @@ struct RetargetOptions {
 struct Retargeted {
     Motion motion;                                         // of the target's body
     bool changed = false;                                  // false: `motion` is what was given
+    size_t found = 0;                                      // frames in poses that training found
     double rootScale = 1;                                  // target's legs over the source's
     size_t stays = 0;                                      // of heels and toes on the ground
     std::vector<FootContacts> contacts;                    // per frame
@@ -85,9 +86,6 @@ struct RetargetSettings {
     bool on = true;
     std::filesystem::path contacts;  // a file; empty: they are found
     std::string reach = "proportion";
-    // Of a motion that the avatar was learnt from: its own poses in place of those that training
-    // found (trainer/avatar/rendering.h).
-    bool givenPoses = false;
 };
 
 // The whole motion for that body, before frames are chosen of it. The source's body is the target's
