@@ -2,6 +2,7 @@
 
 install(TARGETS doppel doppel-bench RUNTIME)
 install(PROGRAMS scripts/doppel-fetch scripts/doppel-thumbnail DESTINATION ${CMAKE_INSTALL_BINDIR})
+install(TARGETS doppel-pictures LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/doppel)
 # A component of its own: packages of the programs need no MPI.
 if(TARGET doppel-mpi)
     install(TARGETS doppel-mpi LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/doppel COMPONENT mpi)

@@ -9,6 +9,8 @@ set_target_properties(doppel_library PROPERTIES OUTPUT_NAME doppel LINKER_LANGUA
 set_target_properties(io PROPERTIES OUTPUT_NAME doppel_io)
 install(FILES $<TARGET_FILE:doppel_library> $<TARGET_FILE:io>
         DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development)
+install(FILES $<TARGET_FILE:doppel-pictures> DESTINATION ${CMAKE_INSTALL_LIBDIR}/doppel
+        COMPONENT development)
 foreach(folder engine nn trainer/data trainer/motion trainer/avatar)
     get_filename_component(parent ${folder} DIRECTORY)
     install(DIRECTORY ${folder} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/doppel/${parent}

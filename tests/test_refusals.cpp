@@ -197,5 +197,29 @@ TEST_F(Refusals, NamesThatLeadElsewhere) {
         }
 }
 
+// Most commands meet no picture, and the library for them is slow to load.
+TEST_F(Refusals, TheLibraryOfPicturesIsLoadedWithTheFirstPicture) {
+    const auto loads = [](std::vector<std::string> words) {
+        const std::vector<std::string> before{"env", "LD_DEBUG=files", program().string()};
+        words.insert(words.begin(), before.begin(), before.end());
+        const Outcome outcome = start(words);
+        EXPECT_EQ(outcome.status, 0) << outcome.sentence();
+        return outcome.err.find("libOpenImageIO.so") != std::string::npos;
+    };
+    EXPECT_FALSE(loads({"render", "--help"}));
+    EXPECT_TRUE(loads(render(at("drawn"))));
+
+    // A program that was copied without its module.
+    fs::create_directory(*this / "alone");
+    fs::copy_file(program(), *this / "alone/doppel");
+    std::vector<std::string> words{
+        "env", "DOPPEL_ASSETS=" + (test::sourceFolder() / "assets").string(), at("alone/doppel")};
+    for (const std::string& word : render(at("other"))) words.push_back(word);
+    const Outcome outcome = start(words);
+    EXPECT_EQ(outcome.status, 1) << outcome.err;
+    EXPECT_NE(outcome.sentence().find("doppel-pictures.so cannot be loaded ("), std::string::npos)
+        << outcome.err;
+}
+
 }  // namespace
 }  // namespace doppel

@@ -1,12 +1,8 @@
 #include "engine/io/image.h"
 
-#include <OpenImageIO/filesystem.h>
-#include <OpenImageIO/imageio.h>
-
 #include <zlib.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <cstring>
 #include <memory>
@@ -15,16 +11,14 @@
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
 #include "engine/files/ending.h"
+#include "engine/files/module.h"
+#include "engine/io/pictures/codecs.h"
 
 namespace doppel {
 namespace fs = std::filesystem;
 
 namespace {
 
-using OIIO::ImageInput;
-using OIIO::ImageOutput;
-using OIIO::ImageSpec;
-using OIIO::TypeDesc;
 using Bytes = std::span<const uint8_t>;
 
 struct Format {
@@ -52,9 +46,6 @@ constexpr Format kFormats[] = {
     {"pnm", "P6", 2, false},
 };
 
-// Of a rendered frame level 3 makes a few percent more bytes than 6, in half the time.
-constexpr int kPngLevel = 3;
-
 const Format& formatOf(Bytes head, const std::string& name) {
     for (const Format& format : kFormats) {
         if (head.size() >= format.size &&
@@ -64,15 +55,6 @@ const Format& formatOf(Bytes head, const std::string& name) {
     }
     throwInput("{}: expected a picture (PNG, JPEG, TIFF, WebP, BMP, OpenEXR or PNM), found {}",
                name, head.empty() ? "an empty file" : "other content");
-}
-
-std::string oneLine(std::string text) {
-    while (!text.empty() && std::isspace(static_cast<unsigned char>(text.back()))) text.pop_back();
-    for (char& c : text) {
-        if (static_cast<unsigned char>(c) < 32) c = ' ';
-    }
-    if (text.size() > 200) text.resize(200);
-    return text.empty() ? "the file is damaged or cut short" : text;
 }
 
 // libjpeg fills what is missing at the end with grey and says nothing, so the segments are walked
@@ -120,45 +102,6 @@ void checkPng(Bytes file, const std::string& name) {
     }
 }
 
-struct Opened {
-    ImageInput::unique_ptr input;
-    ImageSpec spec;
-    int orientation = 1;  // EXIF's, 1 to 8
-    bool linear = false;
-};
-
-Opened open(const Format& format, const std::string& name, OIIO::Filesystem::IOProxy& proxy) {
-    Opened opened;
-    opened.input = ImageInput::create(format.plugin);
-    if (!opened.input) {
-        OIIO::geterror();  // clears it
-        throwInput("{}: this OpenImageIO cannot read {}", name, format.plugin);
-    }
-    ImageSpec config;
-    config.attribute("oiio:UnassociatedAlpha", 1);
-    opened.input->set_ioproxy(&proxy);
-    const std::string fileName = proxy.filename().empty() ? name : proxy.filename();
-    if (!opened.input->open(fileName, opened.spec, config)) {
-        throwInput("{}: cannot be read as {}: {}", name, format.plugin,
-                   oneLine(opened.input->geterror()));
-    }
-    const ImageSpec& spec = opened.spec;
-    if (spec.width < 1 || spec.height < 1 || spec.width > kMaxImageSide ||
-        spec.height > kMaxImageSide || spec.depth > 1) {
-        throwInput("{}: {} x {} pixels; expected at most {} a side", name, spec.width, spec.height,
-                   kMaxImageSide);
-    }
-    if (spec.nchannels < 1 || spec.nchannels > 4 || spec.deep) {
-        throwInput("{}: {} channels; expected 1 to 4", name, spec.nchannels);
-    }
-    opened.orientation = spec.get_int_attribute("Orientation", 1);
-    if (opened.orientation < 1 || opened.orientation > 8) opened.orientation = 1;
-    const std::string_view space(spec.get_string_attribute("oiio:ColorSpace").c_str());
-    opened.linear = std::strcmp(format.plugin, "openexr") == 0 ||
-                    (space == "Linear" && spec.format.is_floating_point());
-    return opened;
-}
-
 // `element` elements per pixel; turns as EXIF's orientation says, so that row 0 is the top.
 template <typename T>
 std::vector<T> orient(std::vector<T> data, int& width, int& height, size_t channels,
@@ -190,19 +133,17 @@ std::vector<T> orient(std::vector<T> data, int& width, int& height, size_t chann
 }
 
 template <typename T>
-std::vector<T> readPixels(Opened& opened, TypeDesc type, const std::string& name, size_t fileSize) {
-    const ImageSpec& spec = opened.spec;
-    const uint64_t pixels = static_cast<uint64_t>(spec.width) * static_cast<uint64_t>(spec.height);
+std::vector<T> readPixels(PictureFile& picture, const std::string& name, size_t fileSize) {
+    const uint64_t pixels =
+        static_cast<uint64_t>(picture.width) * static_cast<uint64_t>(picture.height);
     // A 1-bit picture of one colour, deflated, has about 8000 pixels in a byte; more than that is a
     // header that lies to take our memory.
     if (pixels / 8400 > fileSize) {
         throwInput("{}: {} x {} pixels in {} bytes: the file is cut short or hostile", name,
-                   spec.width, spec.height, fileSize);
+                   picture.width, picture.height, fileSize);
     }
-    std::vector<T> data(pixels * static_cast<uint64_t>(spec.nchannels));
-    if (!opened.input->read_image(0, 0, 0, spec.nchannels, type, data.data())) {
-        throwInput("{}: cannot be decoded: {}", name, oneLine(opened.input->geterror()));
-    }
+    std::vector<T> data(pixels * static_cast<uint64_t>(picture.channels));
+    picture.read(std::span<T>(data));
     return data;
 }
 
@@ -262,33 +203,14 @@ Image thresholdMask(const std::vector<T>& data, int width, int height, size_t ch
     return mask;
 }
 
-std::vector<uint8_t> encode(const Image& image, const char* plugin, const std::string& name,
+std::vector<uint8_t> encode(const Image& image, const char* format, const std::string& name,
                             const std::string& software = "") {
     CHECK(image.width > 0 && image.height > 0 && image.width <= kMaxImageSide &&
               image.height <= kMaxImageSide && image.channels >= 1 && image.channels <= 4 &&
               image.data.size() == image.rowBytes() * static_cast<size_t>(image.height),
           "a picture of {} x {} x {} must have pixels to fill it", image.width, image.height,
           image.channels);
-    const ImageOutput::unique_ptr output = ImageOutput::create(plugin);
-    if (!output) {
-        OIIO::geterror();
-        throwMachine("{}: this OpenImageIO cannot write {}", name, plugin);
-    }
-    ImageSpec spec(image.width, image.height, image.channels, TypeDesc::UINT8);
-    spec.attribute("oiio:ColorSpace", "sRGB");
-    if (image.channels == 2 || image.channels == 4) {
-        spec.alpha_channel = image.channels - 1;
-        spec.attribute("oiio:UnassociatedAlpha", 1);
-    }
-    if (std::strcmp(plugin, "jpeg") == 0) spec.attribute("Compression", "jpeg:95");
-    if (std::strcmp(plugin, "png") == 0) spec.attribute("png:compressionLevel", kPngLevel);
-    if (!software.empty()) spec.attribute("Software", software);
-    OIIO::Filesystem::IOVecOutput proxy;
-    if (!output->set_ioproxy(&proxy) || !output->open(name, spec) ||
-        !output->write_image(TypeDesc::UINT8, image.data.data()) || !output->close()) {
-        throwMachine("{}: cannot be encoded: {}", name, oneLine(output->geterror()));
-    }
-    return proxy.buffer();
+    return pictureCodecs().encode(image, format, name, software);
 }
 
 // One axis: for every target pixel the source pixels that it covers and their weights, in 1/65536.
@@ -334,6 +256,12 @@ AxisWeights axisWeights(int from, int to) {
 
 }  // namespace
 
+PictureCodecs& pictureCodecs() {
+    static PictureCodecs& codecs = *reinterpret_cast<PictureCodecs* (*)()>(
+        moduleFunction("doppel-pictures.so", "doppelPictures"))();
+    return codecs;
+}
+
 Image::Image(int imageWidth, int imageHeight, int imageChannels, uint8_t fill)
     : width(imageWidth), height(imageHeight), channels(imageChannels) {
     CHECK(width >= 1 && height >= 1 && channels >= 1 && channels <= 4,
@@ -346,29 +274,27 @@ Image decodeImage(Bytes file, const std::string& name, int channels) {
           "channels must be 0, 1, 3 or 4, not {}", channels);
     const Format& format = formatOf(file, name);
     checkWhole(format, file, name);
-    OIIO::Filesystem::IOMemReader proxy(file.data(), file.size());
-    Opened opened = open(format, name, proxy);
+    const auto picture = pictureCodecs().open(format.plugin, name, file);
     Image image;
-    image.width = opened.spec.width;
-    image.height = opened.spec.height;
-    image.channels = opened.spec.nchannels;
-    if (opened.spec.format.is_floating_point()) {
-        const std::vector<float> pixels =
-            readPixels<float>(opened, TypeDesc::FLOAT, name, file.size());
+    image.width = picture->width;
+    image.height = picture->height;
+    image.channels = picture->channels;
+    if (picture->floats) {
+        const std::vector<float> pixels = readPixels<float>(*picture, name, file.size());
         image.data.resize(pixels.size());
         const size_t count = image.channelCount();
         for (size_t i = 0; i < pixels.size(); ++i) {
             const bool alpha = count % 2 == 0 && i % count == count - 1;
             const float value = pixels[i] > 0 ? std::min(pixels[i], 1.0f) : 0.0f;
-            image.data[i] = opened.linear && !alpha
+            image.data[i] = picture->linear && !alpha
                                 ? encodeSrgb(value)
                                 : static_cast<uint8_t>(std::lround(value * 255.0f));
         }
     } else {
-        image.data = readPixels<uint8_t>(opened, TypeDesc::UINT8, name, file.size());
+        image.data = readPixels<uint8_t>(*picture, name, file.size());
     }
     image.data = orient(std::move(image.data), image.width, image.height, image.channelCount(),
-                        opened.orientation);
+                        picture->orientation);
     return convertChannels(std::move(image), channels);
 }
 
@@ -379,18 +305,17 @@ Image readImage(const fs::path& path, int channels) {
 Image decodeMask(Bytes file, const std::string& name) {
     const Format& format = formatOf(file, name);
     checkWhole(format, file, name);
-    OIIO::Filesystem::IOMemReader proxy(file.data(), file.size());
-    Opened opened = open(format, name, proxy);
-    int width = opened.spec.width, height = opened.spec.height;
-    const size_t channels = static_cast<size_t>(opened.spec.nchannels);
+    const auto picture = pictureCodecs().open(format.plugin, name, file);
+    int width = picture->width, height = picture->height;
+    const size_t channels = static_cast<size_t>(picture->channels);
     // In 16 bits or float, for a label of 1 in 65535 is still a label.
-    if (opened.spec.format.is_floating_point()) {
-        std::vector<float> data = readPixels<float>(opened, TypeDesc::FLOAT, name, file.size());
-        data = orient(std::move(data), width, height, channels, opened.orientation);
+    if (picture->floats) {
+        std::vector<float> data = readPixels<float>(*picture, name, file.size());
+        data = orient(std::move(data), width, height, channels, picture->orientation);
         return thresholdMask(data, width, height, channels, format.lossy ? 0.5f : 0.0f);
     }
-    std::vector<uint16_t> data = readPixels<uint16_t>(opened, TypeDesc::UINT16, name, file.size());
-    data = orient(std::move(data), width, height, channels, opened.orientation);
+    std::vector<uint16_t> data = readPixels<uint16_t>(*picture, name, file.size());
+    data = orient(std::move(data), width, height, channels, picture->orientation);
     return thresholdMask(data, width, height, channels,
                          static_cast<uint16_t>(format.lossy ? 32767 : 0));
 }
@@ -401,20 +326,17 @@ Image readMask(const fs::path& path) {
 
 ImageSize imageSize(const fs::path& path) {
     const std::string name = path.string();
-    const std::vector<uint8_t> head = readFileHead(path, 16);
-    const Format& format = formatOf(head, name);
-    OIIO::Filesystem::IOFile proxy(name, OIIO::Filesystem::IOProxy::Read);
-    const Opened opened = open(format, name, proxy);
-    if (opened.orientation >= 5) return {opened.spec.height, opened.spec.width};
-    return {opened.spec.width, opened.spec.height};
+    const Format& format = formatOf(readFileHead(path, 16), name);
+    const auto picture = pictureCodecs().open(format.plugin, name, {});
+    if (picture->orientation >= 5) return {picture->height, picture->width};
+    return {picture->width, picture->height};
 }
 
 std::string imageSoftware(const fs::path& path) {
     const std::string name = path.string();
     try {
         const Format& format = formatOf(readFileHead(path, 16), name);
-        OIIO::Filesystem::IOFile proxy(name, OIIO::Filesystem::IOProxy::Read);
-        return std::string(open(format, name, proxy).spec.get_string_attribute("Software"));
+        return pictureCodecs().open(format.plugin, name, {})->software;
     } catch (const InputError&) {
         return {};
     }

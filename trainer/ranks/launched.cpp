@@ -1,11 +1,9 @@
 #include "trainer/ranks/launched.h"
 
-#include <dlfcn.h>
-
 #include <cstdlib>
 
 #include "engine/device.h"
-#include "engine/files/share.h"
+#include "engine/files/module.h"
 
 namespace doppel {
 
@@ -32,16 +30,17 @@ LaunchedRanks* launchedRanks() {
     static LaunchedRanks* ranks = []() -> LaunchedRanks* {
         const int size = launchedSize();
         if (size <= 1) return nullptr;
-        // MPI's own plug-ins look for its symbols among the global ones.
-        const std::string file = modulesFolder() / "doppel-mpi.so";
-        void* module = dlopen(file.c_str(), RTLD_NOW | RTLD_GLOBAL);
-        auto start =
-            module ? reinterpret_cast<LaunchedRanks* (*)()>(dlsym(module, "doppelRanks")) : nullptr;
-        if (!start)
+        LaunchedRanks* (*start)() = nullptr;
+        try {
+            // MPI's own plug-ins look for its symbols among the global ones.
+            start = reinterpret_cast<LaunchedRanks* (*)()>(
+                moduleFunction("doppel-mpi.so", "doppelRanks", true));
+        } catch (const MachineError& error) {
             throwMachine(
-                "this is one of {} processes, and {} cannot be loaded ({}): build with Open MPI "
-                "(libopenmpi-dev), or start one process",
-                size, file, dlerror());
+                "this is one of {} processes, and {}: build with Open MPI (libopenmpi-dev), or "
+                "start one process",
+                size, error.what());
+        }
         LaunchedRanks* started = start();
         // What this process starts itself is none of them.
         for (const char* name : kTellers) unsetenv(name);

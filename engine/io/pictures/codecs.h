@@ -1,0 +1,50 @@
+// What io/image.cpp has a library do: pictures from bytes and back, as the file has them. The
+// library is OpenImageIO, which takes a third of a second to load, with a hundred libraries of its
+// own: it is in a module, doppel-pictures.so, which is loaded with the first picture.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace doppel {
+
+struct Image;
+
+// A picture whose header has been read: 1 to 4 channels, sides of 1 to kMaxImageSide.
+class PictureFile {
+public:
+    virtual ~PictureFile() = default;
+
+    int width = 0, height = 0, channels = 0;  // as they are stored
+    int orientation = 1;                      // EXIF's, 1 to 8
+    bool floats = false;                      // samples are floating-point numbers
+    bool linear = false;                      // colours are linear light
+    std::string software;                     // the text of this name, or nothing
+
+    // height · width · channels samples, alpha not multiplied in; integers span their type's range.
+    // InputError where the file is damaged.
+    virtual void read(std::span<uint8_t> samples) = 0;
+    virtual void read(std::span<uint16_t> samples) = 0;
+    virtual void read(std::span<float> samples) = 0;
+};
+
+class PictureCodecs {
+public:
+    virtual ~PictureCodecs() = default;
+
+    // format: OpenImageIO's name. `file` has to outlive the picture; an empty one: the file of this
+    // name. InputError names it.
+    virtual std::unique_ptr<PictureFile> open(const char* format, const std::string& name,
+                                              std::span<const uint8_t> file) = 0;
+    // "png" or "jpeg" (which has no alpha). MachineError names `name`.
+    virtual std::vector<uint8_t> encode(const Image& image, const char* format,
+                                        const std::string& name, const std::string& software) = 0;
+};
+
+// Loads the module the first time. MachineError where it cannot be loaded.
+PictureCodecs& pictureCodecs();
+
+}  // namespace doppel
