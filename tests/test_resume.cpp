@@ -191,6 +191,11 @@ TEST_F(Resume, EndsWithTheSameBytesWhenItIsWatched) {
         if (stage == "fit" || done % 3 != 0) return;
         Avatar live = readAvatar(liveFolder(options.out));
         ++states[stage];
+        const std::optional<StageRecord> record = readStageRecord(options.out);
+        ASSERT_TRUE(record);
+        EXPECT_EQ(record->stage, stage);
+        EXPECT_EQ(record->device, testDevice().info().name);
+        EXPECT_GE(record->steps, done);
         const bool surface = stage == "shape" || stage == "texels";
         EXPECT_FALSE(live.body.offsets.empty());
         EXPECT_EQ(live.texels.empty(), stage == "shape");
@@ -223,6 +228,38 @@ TEST_F(Resume, StartsOverWhenAsked) {
     options.restart = true;
     runTrain(options);
     expectSameResult(options.out, whole());
+}
+
+// What the run before had begun is not gone on with by the run that takes its place.
+TEST_F(Resume, StartsOverWithoutWhatWasBegun) {
+    struct Killed {};
+    TrainOptions options = restlessOptions(capture(), folder_->path() / "begun");
+    TrainOptions other = options;
+    other.preset.fit.lrTheta *= 0.5;
+    EXPECT_THROW(trainUntil(other, false, 1e-9,
+                            [](const std::string& stage, int64_t done) {
+                                if (stage == "shape" && done == 4) throw Killed{};
+                            }),
+                 Killed);
+    EXPECT_THROW(trainUntil(options, false, 1e-9,
+                            [](const std::string& stage, int64_t done) {
+                                if (stage == "fit" && done == 2) throw Killed{};
+                            }),
+                 Killed);
+    options.resume = true;
+    runTrain(options);
+    expectSameResult(options.out, whole());
+}
+
+TEST_F(Resume, RemovesTheStateOfAllStages) {
+    const fs::path folder = folder_->path() / "state";
+    for (const std::string& stage : stageNames()) {
+        fs::create_directories(folder / "checkpoints");
+        std::ofstream(folder / "checkpoints" / (stage + ".safetensors")) << "something";
+    }
+    writeStageRecord(folder, {.stage = "mesh", .device = "a device", .steps = 4, .began = 1});
+    removeTrainingState(folder);
+    EXPECT_FALSE(fs::exists(folder / "checkpoints"));
 }
 
 TEST_F(Resume, StagesThatAreNotTrainedKeepTheirNetworksAndNumbers) {
@@ -278,8 +315,7 @@ TEST_F(Resume, KeepsThePosesThatItFound) {
     const Retargeted shown = performed(person, whole(), readMotion(capture()), {});
     EXPECT_EQ(shown.motion.theta, seen.theta);
     EXPECT_NE(shown.summary.find("--retarget off"), std::string::npos) << shown.summary;
-    const Retargeted asGivenTo =
-        performed(person, whole(), readMotion(capture()), {.on = false});
+    const Retargeted asGivenTo = performed(person, whole(), readMotion(capture()), {.on = false});
     EXPECT_EQ(asGivenTo.motion.theta, given.theta);
     EXPECT_EQ(asGivenTo.summary, "");
     const std::vector<TrainedFrame> known = trainedFrames(whole(), motion.subset(last));

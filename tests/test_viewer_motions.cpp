@@ -407,5 +407,78 @@ TEST_F(ViewerTest, FollowsATrainingAndOutlivesItsFolder) {
     EXPECT_TRUE(fs::exists(*folder_ / "orphan.glb")) << viewer.message();
 }
 
+TEST_F(ViewerTest, SaysHowFarATrainingIs) {
+    const fs::path folder = *folder_ / "on its way";
+    writeAvatar(folder, plainAvatar());
+    ViewerOptions options;
+    options.avatar = folder;
+    Viewer& viewer = open(options);
+    EXPECT_TRUE(viewer.trainingLines().empty());
+    const Image before = picture();
+
+    // 19 steps in as many seconds, the next of which is being written.
+    const auto now = std::chrono::system_clock::now();
+    const double seconds = std::chrono::duration<double>(now.time_since_epoch()).count();
+    writeStageRecord(
+        folder,
+        {.stage = "mesh", .device = "a device", .steps = 149, .first = 0, .began = seconds - 19});
+    const fs::path curve = folder / "log/losses_mesh.csv";
+    std::string rows = "step,loss,edges\n";
+    for (int i = 0; i < 19; ++i) rows += fmt::format("{},{},{}\n", i, 8. / (i + 2), .25);
+    const auto append = [&](const std::string& text) {
+        fs::create_directories(curve.parent_path());
+        std::ofstream(curve, std::ios::binary | std::ios::app) << text;
+        fs::last_write_time(curve, std::chrono::file_clock::from_sys(now));
+    };
+    append(rows + "19,0.");
+    const auto showsAStep = [&](int step) {
+        const std::string words = fmt::format("step {} of", step);
+        for (int i = 0; i < 2000; ++i) {
+            const auto lines = viewer.trainingLines();
+            if (!lines.empty() && lines[0].find(words) != std::string::npos) return true;
+            viewer.frame();
+        }
+        return false;
+    };
+    ASSERT_TRUE(showsAStep(19));
+    turn(3);
+    EXPECT_EQ(viewer.trainingLines(),
+              (std::vector<std::string>{"stage mesh: step 19 of 149, 2:10 left",
+                                        "loss 0.4   edges 0.25", "a device"}));
+    // The curve falls, and its width is the stage's.
+    const std::vector<glm::vec2> plot = viewer.trainingPlot();
+    ASSERT_EQ(plot.size(), 19u);
+    for (size_t i = 1; i < plot.size(); ++i) {
+        EXPECT_GT(plot[i].x, plot[i - 1].x);
+        EXPECT_GT(plot[i].y, plot[i - 1].y);
+    }
+    EXPECT_LT(plot.back().x - plot[0].x, .2 * kWidth * 19 / 149 * 5);
+    EXPECT_GT(difference(before, picture()), 0.002);
+    if (const char* keep = std::getenv("DOPPEL_KEEP_SCREENS"))
+        writeImage(fs::path(keep) / "training.png", picture());
+
+    append("4\n20,nan,0.5\n");  // the row that was cut has a column too few
+    append("20,0.3,0.5\n");
+    ASSERT_TRUE(showsAStep(21));
+    viewer.settings().training = false;
+    turn(3);
+    EXPECT_TRUE(viewer.trainingPlot().empty());
+
+    // A run that stands still, and one that goes on after it.
+    writeStageRecord(folder, {"mesh", "a device", 149, 0, seconds - 10'000});
+    fs::last_write_time(curve, std::chrono::file_clock::from_sys(now - std::chrono::hours(1)));
+    for (int i = 0; i < 2000 && viewer.trainingLines()[0].find("no step for") == std::string::npos;
+         ++i)
+        viewer.frame();
+    EXPECT_NE(viewer.trainingLines()[0].find("; no step for 1:00:"), std::string::npos)
+        << viewer.trainingLines()[0];
+    writeStageRecord(folder, {"texture", "a device", 5, 0, seconds});
+    ASSERT_TRUE(showsAStep(0));
+    EXPECT_EQ(viewer.trainingLines()[1], "before its first step");
+    std::ofstream(folder / "checkpoints/stage.toml") << "stage = 3";
+    for (int i = 0; i < 2000 && !viewer.trainingLines().empty(); ++i) viewer.frame();
+    EXPECT_TRUE(viewer.trainingLines().empty());
+}
+
 }  // namespace
 }  // namespace doppel::test

@@ -118,24 +118,20 @@ void Viewer::drawStatus() {
     if (panes_.empty()) return;
     ImDrawList& list = *ImGui::GetBackgroundDrawList();
     const auto unit = static_cast<float>(window_.unit());
-    const bool light = settings_.theme == Theme::Light;
     const auto right =
         static_cast<float>((panes_.back().x + panes_.back().width) / window_.scale());
+    const auto [backing, plain, good, bad] = statusColours(settings_.theme);
     float y = 8 * unit;
     // A line, or more where it is longer than the picture is wide, on something to read it from.
     auto text = [&](ImU32 colour, const std::string& words) {
         const float wrap = std::max(right - 32 * unit, 60 * unit);
         const ImVec2 size = ImGui::CalcTextSize(words.c_str(), nullptr, false, wrap);
-        list.AddRectFilled({8 * unit, y}, {20 * unit + size.x, y + size.y + 6 * unit},
-                           light ? IM_COL32(250, 250, 252, 215) : IM_COL32(18, 19, 22, 205),
+        list.AddRectFilled({8 * unit, y}, {20 * unit + size.x, y + size.y + 6 * unit}, backing,
                            4 * unit);
         list.AddText(ImGui::GetFont(), ImGui::GetFontSize(), {14 * unit, y + 3 * unit}, colour,
                      words.c_str(), nullptr, wrap);
         y += size.y + 9 * unit;
     };
-    const ImU32 plain = light ? IM_COL32(40, 44, 52, 255) : IM_COL32(205, 210, 220, 255);
-    const ImU32 good = light ? IM_COL32(10, 105, 40, 255) : IM_COL32(160, 230, 160, 255);
-    const ImU32 bad = light ? IM_COL32(180, 25, 20, 255) : IM_COL32(255, 130, 120, 255);
     std::string figures = fmt::format("pose {:.0f} ms, picture {:.0f} ms, window {:.0f} ms",
                                       times_.pose, times_.draw, times_.show);
     if (interacting() && times_.fps > 0)

@@ -126,6 +126,11 @@ void Viewer::drawViewTab() {
              settings_.joints);
     beside("figures");
     checkbox("figures", "How long pictures take, in the corner.", settings_.figures);
+    if (training_.stage()) {
+        beside("training");
+        checkbox("training", "How far the training is that goes on in this folder, in the corner.",
+                 settings_.training);
+    }
     beside("floor");
     checkbox(
         "floor",

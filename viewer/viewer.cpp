@@ -82,6 +82,7 @@ void Viewer::useAvatar(std::shared_ptr<LoadedAvatar> avatar) {
     ++textureVersion_;
     ++viewVersion_;
     if (inspected_) inspected_ = inspect(now, inspected_->point);
+    if (training_.folder() != source_.folder()) training_ = TrainingWatch(source_.folder());
     std::string name = fs::absolute(source_.folder()).lexically_normal().filename().string();
     window_.setTitle(fmt::format(
         "{}{} - Doppel", name, avatar_->training ? " (in training: " + avatar_->stage + ")" : ""));
@@ -194,6 +195,7 @@ bool Viewer::frame() {
     if (dialog_.isOpen()) wait = std::min(wait, 0.05);
     drawable_ = window_.begin(wait);
     reloadIfChanged();
+    if (training_.update()) framesToDraw_ = std::max(framesToDraw_, 1);
     followCompared();
     if (const auto path = dialog_.chosen()) attempt([&] { dialogThen_(*path); });
     advanceTimeline();
@@ -220,6 +222,7 @@ bool Viewer::frame() {
     drawPanel();
     drawTimeline();
     drawStatus();
+    drawTraining();
     drawHelp();
     drawQuestion();
     std::vector<PlacedPicture> placed;

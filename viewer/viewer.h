@@ -25,7 +25,8 @@
 #include "viewer/inspect/sightings.h"
 #include "viewer/job.h"
 #include "viewer/keys/bindings.h"
-#include "viewer/live_avatar.h"
+#include "viewer/live/live_avatar.h"
+#include "viewer/live/training_watch.h"
 #include "viewer/picture/orbit_camera.h"
 #include "viewer/picture/painter.h"
 #include "viewer/picture/pane.h"
@@ -93,7 +94,8 @@ struct ViewSettings {
     bool symmetric = false;         // what is done to one side is done to the other
     std::array<bool, kLimbs> fk{};  // drags turn one bone of that Limb, and not all of it
     bool panel = true, help = false;
-    bool figures = true;  // of speed, in the corner
+    bool figures = true;   // of speed, in the corner
+    bool training = true;  // how far one is that goes on, in the corner
     Theme theme = Theme::Dark;
     bool operator==(const ViewSettings&) const = default;
 };
@@ -168,6 +170,11 @@ public:
         double pose = 0, draw = 0, show = 0, paint = 0, fps = 0;
     };
     const Times& times() const { return times_; }
+
+    // What is said of a training that goes on: stage, step and time left; losses; the device. The
+    // curve is of the sum, in window coordinates, as it is drawn now.
+    std::vector<std::string> trainingLines() const;
+    const std::vector<glm::vec2>& trainingPlot() const { return trainingPlot_; }
 
     // What the panel's buttons do; InputError where it cannot be done.
     //
@@ -421,6 +428,9 @@ private:
     double floorLine() const { return 1.2 * window_.unit() * window_.scale(); }  // pixels
     void drawHeight(const Pane& pane);
 
+    // live/training_panel.cpp
+    void drawTraining();
+
     // ghosts.cpp
     // Those of the timeline's `time`, the furthest first.
     std::vector<Ghost> ghosts(double time) const;
@@ -446,6 +456,8 @@ private:
 
     ViewerOptions options_;
     LiveAvatar source_;
+    TrainingWatch training_{{}};  // in the same folder
+    std::vector<glm::vec2> trainingPlot_;
     std::shared_ptr<LoadedAvatar> avatar_;
     Preferences preferences_;
     double uiScale_ = 1;

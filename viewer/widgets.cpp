@@ -39,6 +39,18 @@ void forgetItems() {
     hovered().before = std::exchange(hovered().now, false);
 }
 
+StatusColours statusColours(Theme theme) {
+    if (theme == Theme::Light)
+        return {.backing = IM_COL32(250, 250, 252, 215),
+                .plain = IM_COL32(40, 44, 52, 255),
+                .good = IM_COL32(10, 105, 40, 255),
+                .bad = IM_COL32(180, 25, 20, 255)};
+    return {.backing = IM_COL32(18, 19, 22, 205),
+            .plain = IM_COL32(205, 210, 220, 255),
+            .good = IM_COL32(160, 230, 160, 255),
+            .bad = IM_COL32(255, 130, 120, 255)};
+}
+
 void noteItem(std::string_view label, std::string_view words, float besides) {
     const ImVec2 low = ImGui::GetItemRectMin(), high = ImGui::GetItemRectMax();
     DrawnItem item{std::string(label), {low.x, low.y}, {high.x, high.y}};

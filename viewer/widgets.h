@@ -7,8 +7,15 @@
 #include <string_view>
 
 #include "viewer/drawn_items.h"
+#include "viewer/window/look.h"
 
 namespace doppel {
+
+// Of what is written over the picture.
+struct StatusColours {
+    ImU32 backing, plain, good, bad;
+};
+StatusColours statusColours(Theme theme);
 
 // Of the item before. words: what has to fit into its frame besides the padding; empty: nothing.
 void noteItem(std::string_view label, std::string_view words = {}, float besides = 0);

@@ -19,6 +19,30 @@ namespace fs = std::filesystem;
 namespace {
 
 fs::path recordPath(const fs::path& avatar) { return avatar / "checkpoints" / "run.toml"; }
+fs::path stagePath(const fs::path& avatar) { return avatar / "checkpoints" / "stage.toml"; }
+
+void writeTable(const fs::path& path, const toml::table& table) {
+    std::ostringstream text;
+    text << table << "\n";
+    createFolders(path.parent_path());
+    AtomicFile file(path);
+    file.write(text.str());
+    file.commit();
+}
+
+// Nothing where there is no such file.
+std::optional<toml::table> readTable(const fs::path& path) {
+    std::error_code error;
+    if (!fs::exists(path, error)) return std::nullopt;
+    const std::vector<uint8_t> bytes = readWholeFile(path, uint64_t{1} << 20);
+    const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+    try {
+        return toml::parse(text, path.string());
+    } catch (const toml::parse_error& parse) {
+        throwInput("{}: line {}: not TOML: {}; --restart starts over", path.string(),
+                   parse.source().begin.line, parse.description());
+    }
+}
 
 void addSection(WeightMap& arrays, const std::string& prefix, const Parameters& parameters,
                 Parameters::Section section) {
@@ -139,28 +163,19 @@ bool RunRecord::isDone(const std::string& stage) const {
 }
 
 std::optional<RunRecord> readRunRecord(const fs::path& avatar) {
-    fs::path path = recordPath(avatar);
-    std::error_code error;
-    if (!fs::exists(path, error)) return std::nullopt;
-    std::vector<uint8_t> bytes = readWholeFile(path, uint64_t{1} << 20);
-    std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+    const fs::path path = recordPath(avatar);
+    const std::optional<toml::table> table = readTable(path);
+    if (!table) return std::nullopt;
+    const toml::table* asked = (*table)["asked"].as_table();
+    const toml::array* done = (*table)["done"].as_array();
+    if (!asked || !done)
+        throwInput(
+            "{}: expected a table asked and a list done, found others; --restart starts over",
+            path.string());
     RunRecord record;
-    try {
-        toml::table table = toml::parse(text, path.string());
-        const toml::table* asked = table["asked"].as_table();
-        const toml::array* done = table["done"].as_array();
-        if (!asked || !done)
-            throwInput(
-                "{}: expected a table asked and a list done, found others; --restart "
-                "starts over",
-                path.string());
-        for (const auto& [key, value] : *asked)
-            record.asked[std::string(key.str())] = value.value_or(std::string());
-        for (const toml::node& stage : *done) record.done.push_back(stage.value_or(std::string()));
-    } catch (const toml::parse_error& parse) {
-        throwInput("{}: line {}: not TOML: {}; --restart starts over", path.string(),
-                   parse.source().begin.line, parse.description());
-    }
+    for (const auto& [key, value] : *asked)
+        record.asked[std::string(key.str())] = value.value_or(std::string());
+    for (const toml::node& stage : *done) record.done.push_back(stage.value_or(std::string()));
     return record;
 }
 
@@ -169,12 +184,30 @@ void writeRunRecord(const fs::path& avatar, const RunRecord& record) {
     for (const auto& [key, value] : record.asked) asked.insert(key, value);
     toml::array done;
     for (const std::string& stage : record.done) done.push_back(stage);
-    std::ostringstream text;
-    text << toml::table{{"asked", asked}, {"done", done}} << "\n";
-    createFolders(recordPath(avatar).parent_path());
-    AtomicFile file(recordPath(avatar));
-    file.write(text.str());
-    file.commit();
+    writeTable(recordPath(avatar), toml::table{{"asked", asked}, {"done", done}});
+}
+
+std::optional<StageRecord> readStageRecord(const fs::path& avatar) {
+    const fs::path path = stagePath(avatar);
+    const std::optional<toml::table> table = readTable(path);
+    if (!table) return std::nullopt;
+    const auto stage = (*table)["stage"].value<std::string>(),
+               device = (*table)["device"].value<std::string>();
+    const auto steps = (*table)["steps"].value<int64_t>(),
+               first = (*table)["first"].value<int64_t>();
+    const auto began = (*table)["began"].value<double>();
+    if (!stage || !device || !steps || !first || !began || *first < 0 || *first > *steps)
+        throwInput("{}: expected stage, device, steps, first and began, found others",
+                   path.string());
+    return StageRecord{*stage, *device, *steps, *first, *began};
+}
+
+void writeStageRecord(const fs::path& avatar, const StageRecord& record) {
+    writeTable(stagePath(avatar), toml::table{{"stage", record.stage},
+                                              {"device", record.device},
+                                              {"steps", record.steps},
+                                              {"first", record.first},
+                                              {"began", record.began}});
 }
 
 void removeTrainingState(const fs::path& avatar) {
@@ -182,8 +215,9 @@ void removeTrainingState(const fs::path& avatar) {
     std::error_code ignored;
     removeOutputFolder(folder / "live", kAvatarKind);
     // The record goes last: while it is there, the run counts as unfinished.
-    for (const char* name : {"fit.safetensors", "mesh.safetensors", "texture.safetensors",
-                             "refine.safetensors", "poses.npz", "run.toml"}) {
+    for (const char* name : {"fit.safetensors", "shape.safetensors", "texels.safetensors",
+                             "caps.safetensors", "mesh.safetensors", "texture.safetensors",
+                             "refine.safetensors", "poses.npz", "stage.toml", "run.toml"}) {
         removeLeftovers(folder / name);
         fs::remove(folder / name, ignored);
     }

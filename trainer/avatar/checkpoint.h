@@ -63,6 +63,20 @@ struct RunRecord {
 // Nothing where the avatar's folder has no unfinished run. InputError for a file that is not ours.
 std::optional<RunRecord> readRunRecord(const std::filesystem::path& avatar);
 void writeRunRecord(const std::filesystem::path& avatar, const RunRecord& record);
+
+// checkpoints/stage.toml, from a stage's first step on: what its curves (log/losses_STAGE.csv) do
+// not tell those who watch.
+struct StageRecord {
+    std::string stage, device;
+    int64_t steps = 0, first = 0;  // in all, and done before this process went on with it
+    double began = 0;              // when it did, in seconds since 1970
+    bool operator==(const StageRecord&) const = default;
+};
+
+// Nothing where no run has come to its first step. InputError for a file that is not ours.
+std::optional<StageRecord> readStageRecord(const std::filesystem::path& avatar);
+void writeStageRecord(const std::filesystem::path& avatar, const StageRecord& record);
+
 // Removes the record with all other training state, and what killed runs have left of it: the run
 // is done, or starts over. Files that Doppel does not write there stay.
 void removeTrainingState(const std::filesystem::path& avatar);

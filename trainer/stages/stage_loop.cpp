@@ -18,6 +18,11 @@ double secondsNow() {
         .count();
 }
 
+double secondsSince1970() {
+    return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch())
+        .count();
+}
+
 // True every so many seconds; never for 0.
 class PictureClock {
 public:
@@ -165,7 +170,14 @@ bool StageLoop::run(const LoopSettings& settings) {
     if (first > 0)
         progress.note(fmt::format("{}: going on after step {} of {}", stage, first, steps));
     std::optional<LossLog> log;
-    if (settings.keeps()) log.emplace(settings.out / "log", stage, columns, first);
+    if (settings.keeps()) {
+        log.emplace(settings.out / "log", stage, columns, first);
+        writeStageRecord(settings.out, {.stage = stage,
+                                        .device = graph ? graph->device().info().name : "",
+                                        .steps = steps,
+                                        .first = first,
+                                        .began = secondsSince1970()});
+    }
     const uint64_t sentBefore = sharing ? sharing->bytesSent() : 0;
     PictureClock pictures(settings.keeps() ? settings.pictureSeconds : 0);
     std::array<std::vector<size_t>, 2> drawn;  // by the even and the odd steps under way

@@ -3,7 +3,7 @@
 
 #include <memory>
 
-#include "viewer/live_avatar.h"
+#include "viewer/live/live_avatar.h"
 #include "viewer/picture/scene.h"
 
 namespace doppel {

@@ -11,7 +11,7 @@
 #include "engine/device.h"
 #include "trainer/avatar/films/picture_sequence.h"
 #include "trainer/data/capture.h"
-#include "viewer/live_avatar.h"
+#include "viewer/live/live_avatar.h"
 #include "viewer/picture/ghosts.h"
 #include "viewer/picture/scene.h"
 #include "viewer/pose/skeleton.h"

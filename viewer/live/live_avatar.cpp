@@ -1,4 +1,4 @@
-#include "viewer/live_avatar.h"
+#include "viewer/live/live_avatar.h"
 
 #include <optional>
 #include <sstream>
