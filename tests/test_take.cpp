@@ -74,6 +74,7 @@ TEST(Take, ALayerIsSavedAsItIsSeenAndReadBackAsKeys) {
     const auto motion = walk(30);
     editor.openMotion(motion);
     editor.setFade(5);
+    editor.setBlend(Layer::Blend::Override);
     for (double time : {4., 20.}) {
         editor.goTo(time);
         Pose pose = editor.pose();
@@ -93,7 +94,7 @@ TEST(Take, ALayerIsSavedAsItIsSeenAndReadBackAsKeys) {
     ASSERT_TRUE(take && take->motion);
     EXPECT_EQ(take->motion->theta, motion->theta);
     EXPECT_EQ(take->motion->trans, motion->trans);
-    EXPECT_EQ(take->fade, 5);
+    EXPECT_EQ(take->layer, (Layer{5, Layer::Blend::Override}));
     EXPECT_EQ(take->betas, editor.betas());
     ASSERT_EQ(take->keys.size(), 2u);
     EXPECT_EQ(take->keys[1].time, 20);
@@ -135,6 +136,12 @@ TEST(Take, RefusesFilesThatAreWrong) {
               std::string::npos);
     EXPECT_EQ(refusal([](Npz& a) { a.set("key_fade", Array::scalarF64(-1)); }),
               file + ": key_fade: expected 0 to 1000 frames, found -1");
+    EXPECT_EQ(refusal([](Npz& a) { a.set("key_blend", Array::scalarF64(.5)); }),
+              file + ": key_blend: expected 0 (add) or 1 (override), found 0.5");
+    Npz former = readNpz(folder / "good.npz");  // as files were before
+    former.remove("key_blend");
+    writeNpz(folder / "former.npz", former, false);
+    EXPECT_EQ(readTake(folder / "former.npz")->layer, Layer{});
     EXPECT_NE(refusal([](Npz& a) { a.remove("motion_transl"); }).find("motion_transl"),
               std::string::npos);
     EXPECT_NE(refusal([](Npz& a) {
@@ -155,7 +162,7 @@ TEST(Session, SaysAllThatWasEdited) {
     session.frames = "0:50";
     session.when = "2024-05-06 07:08";
     session.time = 7;
-    session.take.fade = 3;
+    session.take.layer = {3, Layer::Blend::Override};
     session.take.betas = {.5f, -1};
     session.take.pose = bent(1. / 3);
     session.take.keys = {{2, bent(.1)}, {7, bent(1e-9)}};
@@ -165,7 +172,7 @@ TEST(Session, SaysAllThatWasEdited) {
     EXPECT_EQ(read.frames, session.frames);
     EXPECT_EQ(read.when, session.when);
     EXPECT_EQ(read.time, 7);
-    EXPECT_EQ(read.take.fade, 3);
+    EXPECT_EQ(read.take.layer, session.take.layer);
     EXPECT_EQ(read.take.betas, session.take.betas);
     EXPECT_EQ(read.take.pose, session.take.pose);
     EXPECT_EQ(read.take.keys, session.take.keys);
@@ -187,6 +194,11 @@ TEST(Session, SaysAllThatWasEdited) {
               "here: keys: 1: time: expected growing times, found 1 after 2");
     EXPECT_EQ(spoilt("\"fade\":3.0", "\"fade\":-3.0"),
               "here: fade: expected a number from 0 to 1000, found -3.0");
+    EXPECT_EQ(spoilt("\"overrides\":true", "\"overrides\":1"),
+              "here: overrides: expected true or false, found 1");
+    std::string former = good;  // as sessions were before
+    former.replace(former.find("\"overrides\":true"), 16, "\"and_others\":1");
+    EXPECT_EQ(readSessionText(former, "here").take.layer, (Layer{3, Layer::Blend::Add}));
     EXPECT_EQ(spoilt("\"avatar\":\"", "\"avatar\":7,\"a\":\""),
               "here: avatar: expected at most 4096 bytes of text, found 7");
     const std::string deep = std::string(1'000'000, '[') + std::string(1'000'000, ']');

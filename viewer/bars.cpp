@@ -53,7 +53,7 @@ void Viewer::drawTimeline() {
         editor_->removeKeyframe(now);
     ImGui::SameLine();
     if (wide && motion() && hasKeys()) {
-        double fade = editor_->fade();
+        double fade = editor_->layer().fade;
         ImGui::PushItemWidth(90 * unit);
         const bool changed =
             slider("fade", "How long an edit over a motion comes and goes, to both sides.", fade, 0,
@@ -61,6 +61,17 @@ void Viewer::drawTimeline() {
         if (ImGui::IsItemActivated()) editor_->beginGesture("fade");
         if (changed) editor_->setFade(std::round(fade));
         if (ImGui::IsItemDeactivated()) editor_->endGesture();
+        ImGui::SameLine();
+        static constexpr Choice kBlends[] = {
+            {"adds", static_cast<int>(Layer::Blend::Add)},
+            {"overrides", static_cast<int>(Layer::Blend::Override)}};
+        int blend = static_cast<int>(editor_->layer().blend);
+        if (choose(
+                "##blend",
+                "What an edit does to the motion: adds to how a joint moves, or overrides it, so "
+                "that the joint is held as it was set. Joints that were not edited move as before.",
+                kBlends, blend))
+            editor_->setBlend(static_cast<Layer::Blend>(blend));
         ImGui::PopItemWidth();
         ImGui::SameLine();
     }

@@ -49,7 +49,7 @@ Pose PoseEditor::original() const {
 }
 
 Take PoseEditor::take() const {
-    return {now_.motion, *now_.keyframes, now_.fade, now_.pose, now_.betas};
+    return {now_.motion, *now_.keyframes, now_.layer, now_.pose, now_.betas};
 }
 
 // ---- steps --------------------------------------------------------------------------------------
@@ -80,7 +80,7 @@ void PoseEditor::changeKeyframes(std::string_view name, std::vector<Keyframe> ke
     State next = now_;
     next.keyframes = std::make_shared<const std::vector<Keyframe>>(std::move(keyframes));
     if (next.timed())
-        next.pose = doppel::poseAt(next.motion.get(), *next.keyframes, next.fade, time_);
+        next.pose = doppel::poseAt(next.motion.get(), *next.keyframes, next.layer, time_);
     change(name, std::move(next));
 }
 
@@ -161,7 +161,7 @@ bool PoseEditor::modified() const {
     beginning.pose = openedPose_;
     beginning.betas = openedBetas_;
     beginning.motion = now.motion;
-    beginning.fade = now.fade;
+    beginning.layer = now.layer;
     const bool keysSaved = saved_.opening == now.opening && !saved_.keyframes->empty();
     return !sameAs(saved_) && (keysSaved || !sameAs(beginning));
 }
@@ -219,10 +219,10 @@ void PoseEditor::openTake(const Take& take, double time, std::string_view what) 
     next.betas = take.betas;
     next.motion = take.motion;
     next.opening = ++openings_;
-    next.fade = take.fade;
+    next.layer = take.layer;
     next.keyframes = std::make_shared<const std::vector<Keyframe>>(take.keys);
     if (next.timed())
-        next.pose = doppel::poseAt(next.motion.get(), *next.keyframes, next.fade, time);
+        next.pose = doppel::poseAt(next.motion.get(), *next.keyframes, next.layer, time);
     change(what, std::move(next));
     time_ = time;
 }
@@ -273,18 +273,27 @@ bool PoseEditor::removeKeyframe(double time) {
 
 void PoseEditor::clearKeyframes() { changeKeyframes("remove keyframes", {}); }
 
+void PoseEditor::changeLayer(std::string_view name, const Layer& layer) {
+    State next = now_;
+    next.layer = layer;
+    if (next.timed())
+        next.pose = doppel::poseAt(next.motion.get(), *next.keyframes, next.layer, time_);
+    change(name, std::move(next));
+}
+
 void PoseEditor::setFade(double frames) {
     if (!std::isfinite(frames)) return;
-    State next = now_;
-    next.fade = std::clamp(frames, 0., kLongestFade);
-    if (next.timed())
-        next.pose = doppel::poseAt(next.motion.get(), *next.keyframes, next.fade, time_);
-    change("fade", std::move(next));
+    changeLayer("fade", {std::clamp(frames, 0., kLongestFade), now_.layer.blend});
+}
+
+void PoseEditor::setBlend(Layer::Blend blend) {
+    changeLayer(blend == Layer::Blend::Add ? "add to the motion" : "override the motion",
+                {now_.layer.fade, blend});
 }
 
 Pose PoseEditor::poseAt(double time) const {
     if (!now_.timed() || std::isnan(time)) return now_.pose;
-    return doppel::poseAt(now_.motion.get(), *now_.keyframes, now_.fade, time);
+    return doppel::poseAt(now_.motion.get(), *now_.keyframes, now_.layer, time);
 }
 
 }  // namespace doppel

@@ -38,7 +38,7 @@ public:
     Pose original() const;
     const std::shared_ptr<const Motion>& motion() const { return now_.motion; }
     std::span<const Keyframe> keyframes() const { return *now_.keyframes; }
-    double fade() const { return now_.fade; }
+    const Layer& layer() const { return now_.layer; }
     bool timed() const { return now_.timed(); }
     // All of it, as writeTake() takes it.
     Take take() const;
@@ -109,6 +109,7 @@ public:
     // How long a key's change over a motion takes to come and go, frames; clamped to what Take
     // allows.
     void setFade(double frames);
+    void setBlend(Layer::Blend blend);
     // Without motion and keys the pose as it is.
     Pose poseAt(double time) const;
 
@@ -119,12 +120,12 @@ private:
         Betas betas{};
         Keyframes keyframes = std::make_shared<const std::vector<Keyframe>>();
         std::shared_ptr<const Motion> motion;
-        double fade = Take{}.fade;
+        Layer layer;
         uint64_t opening = 0;
 
         bool timed() const { return motion || !keyframes->empty(); }
         bool sameOverTime(const State& other) const {
-            return motion == other.motion && fade == other.fade &&
+            return motion == other.motion && layer == other.layer &&
                    (keyframes == other.keyframes || *keyframes == *other.keyframes);
         }
         bool operator==(const State& other) const {
@@ -138,6 +139,7 @@ private:
         double time = 0;  // that was shown when it was made
     };
     void change(std::string_view name, State next);
+    void changeLayer(std::string_view name, const Layer& layer);
     void changeKeyframes(std::string_view name, std::vector<Keyframe> keyframes);
     void push(std::string_view name, State before);
     void become(const State& state, double time);

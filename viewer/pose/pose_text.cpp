@@ -148,11 +148,17 @@ std::string sessionText(const Session& session) {
         entry["time"] = key.time;
         keys.push_back(std::move(entry));
     }
-    const json document = {{"doppel_session", 1},         {"avatar", session.avatar},
-                           {"motion", session.motion},    {"frames", session.frames},
-                           {"saved", session.saved},      {"when", session.when},
-                           {"time", session.time},        {"fade", session.take.fade},
-                           {"betas", session.take.betas}, {"pose", compact(session.take.pose)},
+    const json document = {{"doppel_session", 1},
+                           {"avatar", session.avatar},
+                           {"motion", session.motion},
+                           {"frames", session.frames},
+                           {"saved", session.saved},
+                           {"when", session.when},
+                           {"time", session.time},
+                           {"fade", session.take.layer.fade},
+                           {"overrides", session.take.layer.blend == Layer::Blend::Override},
+                           {"betas", session.take.betas},
+                           {"pose", compact(session.take.pose)},
                            {"keys", std::move(keys)}};
     // A path need not be UTF-8.
     return document.dump(-1, ' ', false, json::error_handler_t::replace);
@@ -183,7 +189,13 @@ Session readSessionText(std::string_view text, const std::string& name) {
     session.when = words("when");
     session.time = number(member("time"), name + ": time", 0, kLargestTime);
     Take& take = session.take;
-    take.fade = number(member("fade"), name + ": fade", 0, kLongestFade);
+    take.layer.fade = number(member("fade"), name + ": fade", 0, kLongestFade);
+    if (document.contains("overrides")) {  // which earlier versions did not write
+        if (!document["overrides"].is_boolean())
+            throwInput("{}: overrides: expected true or false, found {}", name,
+                       asShown(document["overrides"]));
+        if (document["overrides"]) take.layer.blend = Layer::Blend::Override;
+    }
     take.betas = betasOf(member("betas"), name + ": betas");
     take.pose = poseIn(member("pose"), name + ": pose");
     const json& keys = member("keys");

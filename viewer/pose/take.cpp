@@ -42,6 +42,17 @@ double weightAt(double distance, double fade) {
     return 1 - share * share * (3 - 2 * share);
 }
 
+// Of the two that are the same rotation.
+glm::dquat nearest(const glm::dquat& q, const glm::dquat& to) {
+    return glm::dot(q, to) < 0 ? -q : q;
+}
+
+// A mean of rotations; `otherwise` where they cancel each other.
+glm::dquat normalized(const glm::dquat& sum, const glm::dquat& otherwise) {
+    const double length = glm::length(sum);
+    return length > 1e-9 ? sum / length : otherwise;
+}
+
 Pose between(const Keyframe& from, const Keyframe& to, double time) {
     const double share = (time - from.time) / (to.time - from.time);
     Pose pose;
@@ -61,7 +72,7 @@ Pose motionPose(const Motion& motion, double time) {
     return poseOf(motion.theta[i], motion.trans[i]);
 }
 
-Pose poseAt(const Motion* motion, std::span<const Keyframe> keys, double fade, double time) {
+Pose poseAt(const Motion* motion, std::span<const Keyframe> keys, const Layer& layer, double time) {
     CHECK(motion || !keys.empty(), "there is something over time");
     const auto after = std::upper_bound(keys.begin(), keys.end(), time,
                                         [](double t, const Keyframe& key) { return t < key.time; });
@@ -73,32 +84,47 @@ Pose poseAt(const Motion* motion, std::span<const Keyframe> keys, double fade, d
         return next ? between(*previous, *next, time) : previous->pose;
     }
     Pose pose = motionPose(*motion, time);
-    const double reach = previous && next ? std::min(fade, next->time - previous->time) : fade;
+    const double reach =
+        previous && next ? std::min(layer.fade, next->time - previous->time) : layer.fade;
     const double w0 = previous ? weightAt(time - previous->time, reach) : 0,
                  w1 = next ? weightAt(next->time - time, reach) : 0;
     if (w0 == 0 && w1 == 0) return pose;
     const Change a = previous ? changeOf(*previous, *motion) : Change{},
                  b = next ? changeOf(*next, *motion) : Change{};
     const glm::dquat none(1, 0, 0, 0);
+    const bool overrides = layer.blend == Layer::Blend::Override;
     for (size_t j = 0; j < joint::kCount; ++j) {
         const bool changesA = w0 > 0 && a.turn[j] != none, changesB = w1 > 0 && b.turn[j] != none;
         if (!changesA && !changesB) continue;
+        const glm::dquat under = quaternionOf(pose.rotation[j]);
+        if (overrides) {
+            // A key that leaves the joint alone says nothing of it.
+            const double v0 = changesA ? w0 : 0, v1 = changesB ? w1 : 0;
+            glm::dquat sum = std::max(0., 1 - v0 - v1) * under;
+            if (v0 > 0) sum = sum + v0 * nearest(quaternionOf(previous->pose.rotation[j]), under);
+            if (v1 > 0) sum = sum + v1 * nearest(quaternionOf(next->pose.rotation[j]), under);
+            pose.rotation[j] = axisAngleOf(normalized(sum, under));
+            continue;
+        }
         // The weighted mean of the turns, which all have w >= 0; what is left is for no turn.
         glm::dquat sum = std::max(0., 1 - w0 - w1) * none;
         if (w0 > 0) sum = sum + w0 * a.turn[j];
         if (w1 > 0) sum = sum + w1 * b.turn[j];
-        const double length = glm::length(sum);
-        const glm::dquat turn = length > 1e-9 ? sum / length : none;
-        const glm::dquat under = quaternionOf(pose.rotation[j]);
+        const glm::dquat turn = normalized(sum, none);
         pose.rotation[j] = axisAngleOf(j == joint::kPelvis ? under * turn : turn * under);
     }
-    if (w0 > 0) pose.trans += w0 * a.place;
-    if (w1 > 0) pose.trans += w1 * b.place;
+    const glm::dvec3 under = pose.trans, still(0);
+    const auto add = [&](double weight, const Change& change, const Keyframe* key) {
+        if (weight == 0 || change.place == still) return;
+        pose.trans += weight * (overrides ? key->pose.trans - under : change.place);
+    };
+    add(w0, a, previous);
+    add(w1, b, next);
     return pose;
 }
 
 Pose poseAt(const Take& take, double time) {
-    return take.timed() ? poseAt(take.motion.get(), take.keys, take.fade, time) : take.pose;
+    return take.timed() ? poseAt(take.motion.get(), take.keys, take.layer, time) : take.pose;
 }
 
 // ---- files --------------------------------------------------------------------------------------
@@ -171,7 +197,8 @@ void writeTake(const fs::path& out, const Take& take, double fps) {
     if (take.motion && !times.empty()) {
         setPoses(arrays, "motion_", take.motion->theta, take.motion->trans);
         setPoses(arrays, "key_", keyTheta, keyTrans);
-        arrays.set("key_fade", Array::scalarF64(take.fade));
+        arrays.set("key_fade", Array::scalarF64(take.layer.fade));
+        arrays.set("key_blend", Array::scalarF64(static_cast<double>(take.layer.blend)));
     }
     writeNpz(out, arrays, false);
 }
@@ -198,10 +225,15 @@ std::optional<Take> readTake(const fs::path& file) {
     std::vector<Pose> poses;
     if (layer) {
         poses = posesIn(arrays, "key_", static_cast<int64_t>(times.size()));
-        take.fade = arrays.at("key_fade").scalar();
-        if (!(take.fade >= 0) || !(take.fade <= kLongestFade))
+        take.layer.fade = arrays.at("key_fade").scalar();
+        if (!(take.layer.fade >= 0) || !(take.layer.fade <= kLongestFade))
             throwInput("{}: key_fade: expected 0 to {} frames, found {}", file.string(),
-                       kLongestFade, take.fade);
+                       kLongestFade, take.layer.fade);
+        const double blend = arrays.has("key_blend") ? arrays.at("key_blend").scalar() : 0;
+        if (blend != 0 && blend != 1)
+            throwInput("{}: key_blend: expected 0 (add) or 1 (override), found {}", file.string(),
+                       blend);
+        take.layer.blend = static_cast<Layer::Blend>(blend);
         const std::vector<Pose> under = posesIn(arrays, "motion_", frames);
         for (size_t i = 0; i < under.size(); ++i) {
             rows.theta[i] = thetaOf(under[i]);

@@ -22,12 +22,22 @@ constexpr double kLargestTime = 1e7;   // frames, of a key
 constexpr double kSameTime = 1e-6;     // frames within which two keys are one
 constexpr double kLongestFade = 1000;  // frames
 
+// How keys change a motion that is under them.
+struct Layer {
+    enum class Blend {
+        Add,      // by what a key changes at its time: the joint goes on moving as in the motion
+        Override  // to the key's own rotations and place, where it changes them: the joint is held
+    };
+    double fade = 12;  // frames before a key in which its change comes, and after it goes
+    Blend blend = Blend::Add;
+    bool operator==(const Layer&) const = default;
+};
+
 struct Take {
     std::shared_ptr<const Motion> motion;  // null: none
     std::vector<Keyframe> keys;            // in the order of time
-    // Over a motion: how many frames before a key its change begins, and after it ends.
-    double fade = 12;
-    Pose pose;  // what is seen where there is neither motion nor key
+    Layer layer;                           // over a motion
+    Pose pose;                             // what is seen where there is neither motion nor key
     Betas betas{};
 
     bool timed() const { return motion || !keys.empty(); }
@@ -40,11 +50,12 @@ Pose motionPose(const Motion& motion, double time);
 //
 // Without a motion rotations go the short way between keys at an even pace and places straight;
 // before the first key and after the last, those. Over a motion a key is what it changes there:
-// each joint's turn in its parent's frame, the pelvis's in its own, and the place. That fades in
-// and out within `fade` frames of the key by a smooth step, and goes over into the next key's where
+// each joint's turn in its parent's frame, the pelvis's in its own, and the place; or, where the
+// layer overrides, how those joints are turned and where the pelvis is. That fades in and out
+// within `layer.fade` frames of the key by a smooth step, and goes over into the next key's where
 // that is nearer. So the pose at a key's time is the key's to the last bit, and the motion's own
-// beyond the fades.
-Pose poseAt(const Motion* motion, std::span<const Keyframe> keys, double fade, double time);
+// beyond the fades, as it always is for joints that no key changes.
+Pose poseAt(const Motion* motion, std::span<const Keyframe> keys, const Layer& layer, double time);
 Pose poseAt(const Take& take, double time);
 
 // ---- files --------------------------------------------------------------------------------------
