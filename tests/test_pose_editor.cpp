@@ -579,5 +579,43 @@ TEST(PoseEditor, UndoAndRedoAreWholeWhateverWasDone) {
     }
 }
 
+TEST(PoseEditor, UndoBringsTheCameraBackWhereItIsFollowed) {
+    PoseEditor editor;
+    editor.setPose(bent(1));
+    editor.moveCamera("front");
+    EXPECT_EQ(editor.undoName(), "pose") << "the first one is where it stands";
+    editor.moveCamera("left");
+    editor.moveCamera("left");
+    editor.setPose(bent(2));
+    editor.moveCamera("top");
+    EXPECT_EQ(editor.undoName(), "camera");
+    editor.undo();
+    EXPECT_EQ(editor.camera(), "left");
+    EXPECT_EQ(editor.pose(), bent(2));
+    editor.undo();
+    EXPECT_EQ(editor.camera(), "left");
+    EXPECT_EQ(editor.pose(), bent(1));
+    editor.undo();
+    EXPECT_EQ(editor.camera(), "front");
+    for (int i = 0; i < 3; ++i) editor.redo();
+    EXPECT_EQ(editor.camera(), "top");
+    EXPECT_EQ(editor.pose(), bent(2));
+    EXPECT_FALSE(editor.canRedo());
+    editor.markSaved();
+    editor.moveCamera("bottom");
+    EXPECT_FALSE(editor.modified()) << "it is not part of the work";
+
+    editor.undo();
+    editor.undo();
+    editor.forgetCamera();
+    EXPECT_TRUE(editor.camera().empty());
+    EXPECT_FALSE(editor.canRedo()) << "only the camera's";
+    editor.undo();
+    EXPECT_EQ(editor.pose(), bent(1));
+    editor.undo();
+    EXPECT_EQ(editor.pose(), Pose{});
+    EXPECT_FALSE(editor.canUndo());
+}
+
 }  // namespace
 }  // namespace doppel

@@ -439,5 +439,52 @@ TEST_F(EditsTest, AnyFailureLeavesTheSession) {
     EXPECT_NE(open(options).question().find("one key"), std::string::npos);
 }
 
+TEST_F(EditsTest, UndoBringsTheCameraBackByChoice) {
+    ViewerOptions options;
+    options.width = 900, options.height = 740;  // the panel has no need to scroll
+    Viewer& viewer = open(options);
+    const auto orbitBy = [&](float pixels) {
+        const glm::vec2 from(200, 60);
+        drag(from, from + glm::vec2(pixels, 0));
+        settle();
+        return viewer.camera().yaw;
+    };
+    const auto undo = [&] {
+        keyWith("Control_L", "z");
+        settle();
+    };
+    const double first = viewer.camera().yaw, second = orbitBy(80);
+    ASSERT_GT(std::abs(second - first), .05);
+    EXPECT_FALSE(viewer.editor().canUndo());
+
+    viewer.settings().panel = true;
+    settle();
+    clickItem("undo the camera, too");
+    settle();
+    viewer.settings().panel = false;
+    settle();
+    const double third = orbitBy(80);
+    const Pose before = viewer.editor().pose();
+    lift(30);
+    ASSERT_NE(viewer.editor().pose(), before);
+    const double fourth = orbitBy(-170);
+    ASSERT_GT(std::abs(fourth - third), .05);
+    undo();
+    EXPECT_NEAR(viewer.camera().yaw, third, 1e-5);
+    EXPECT_NE(viewer.editor().pose(), before);
+    undo();
+    EXPECT_EQ(viewer.editor().pose(), before);
+    EXPECT_NEAR(viewer.camera().yaw, third, 1e-5);
+    undo();
+    EXPECT_NEAR(viewer.camera().yaw, second, 1e-5);
+    EXPECT_FALSE(viewer.editor().canUndo());
+    for (int i = 0; i < 3; ++i) {
+        keyWith("Control_L", "y");
+        settle();
+    }
+    EXPECT_NEAR(viewer.camera().yaw, fourth, 1e-5);
+    EXPECT_FALSE(viewer.editor().canRedo());
+}
+
 }  // namespace
 }  // namespace doppel::test

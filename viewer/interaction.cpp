@@ -129,6 +129,7 @@ std::optional<Viewer::RingHit> Viewer::ringAt(double x, double y) const {
 }
 
 void Viewer::beginJointDrag(size_t joint, const std::string& what) {
+    noteCamera(true);
     selected_ = joint;
     dragBegan_ = editor_->pose();
     dragPoint_ = posed().position[joint];

@@ -104,6 +104,9 @@ void Viewer::drawBookmarks() {
                keys_.tip("Keeps the camera under the next free digit", Action::KeepView),
                free <= kMostBookmarks))
         attempt([&] { keepView(free); });
+    bool undone = preferences_.undoCamera;
+    if (checkbox("undo the camera, too", "Undo also takes back how the camera was moved.", undone))
+        undoCamera(undone);
 }
 
 void Viewer::drawKeptPoses() {

@@ -40,6 +40,7 @@ Preferences readPreferences(const fs::path& state) {
                        fileIn(state).string(), "preferences");
         if (document.value("theme", "") == "light") found.theme = Theme::Light;
         found.snap = document.value("snap", false);
+        found.undoCamera = document.value("undo_camera", false);
         found.touchpad = document.value("touchpad", false);
         if (std::string keys = document.value("keys", ""); !keys.empty()) found.keys = keys;
         const double scale = document.value("scale", 1.);
@@ -70,6 +71,7 @@ void writePreferences(const fs::path& state, const Preferences& preferences) {
                            {"scale", preferences.scale},
                            {"snap", preferences.snap},
                            {"keys", preferences.keys},
+                           {"undo_camera", preferences.undoCamera},
                            {"touchpad", preferences.touchpad},
                            {"recent", preferences.recent},
                            {"bookmarks", bookmarks}};

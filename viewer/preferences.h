@@ -25,6 +25,7 @@ struct Preferences {
     double scale = 1;                   // of the interface
     bool snap = false;                  // rings turn by steps unless Ctrl is held, not if it is
     std::string keys = "gltf";          // a preset or a file, as Bindings::named() takes it
+    bool undoCamera = false;            // undo brings the camera back as well
     bool touchpad = false;              // Bindings::useTouchpad()
     std::map<int, Bookmark> bookmarks;  // by the digit that brings them back, 1 to 9
     bool operator==(const Preferences&) const = default;

@@ -199,6 +199,7 @@ bool Viewer::frame() {
     followCompared();
     if (const auto path = dialog_.chosen()) attempt([&] { dialogThen_(*path); });
     advanceTimeline();
+    noteCamera();
     if (working()) attempt([&] { advanceJobs(); });
     keepSession(false);
     if (!drawable_) return true;
@@ -330,14 +331,42 @@ void Viewer::showTime() {
 void Viewer::undo() {
     play(false);
     endDrag();
+    noteCamera(true);
     editor_->undo();
     timeline_ = editor_->time();
+    followCamera();
 }
 
 void Viewer::redo() {
     play(false);
     editor_->redo();
     timeline_ = editor_->time();
+    followCamera();
+}
+
+void Viewer::noteCamera(bool now) {
+    if (!preferences_.undoCamera || editor_->inGesture()) return;
+    const bool rests = drag_ == Drag::None &&
+                       Clock::now() - lastTouched_ >= std::chrono::duration<double>(kSettleSeconds);
+    if (!now && !rests) return;
+    std::string camera = cameraText(orbit_);
+    if (camera == cameraNoted_ && !editor_->camera().empty()) return;
+    cameraNoted_ = camera;
+    editor_->moveCamera(std::move(camera));
+}
+
+void Viewer::undoCamera(bool on) {
+    preferences_.undoCamera = on;
+    if (!on) editor_->forgetCamera();
+    writePreferences(options_.state, preferences_);
+}
+
+void Viewer::followCamera() {
+    if (!preferences_.undoCamera || editor_->camera().empty() || editor_->camera() == cameraNoted_)
+        return;
+    orbit_ = readCameraText(editor_->camera());
+    settings_.captureCamera = false;
+    cameraNoted_ = cameraText(orbit_);
 }
 
 // What was seen of another motion.

@@ -282,6 +282,10 @@ private:
     bool quiet() const;  // nothing is to be drawn but what jobs bring
     void undo();
     void redo();
+    // Where undo brings the camera back: a move of it is a step once it rests, or now.
+    void noteCamera(bool now = false);
+    void undoCamera(bool on);
+    void followCamera();  // as undo has left it
 
     // files.cpp
     Take readForPlaying(const std::filesystem::path& path, const std::string& frames);
@@ -530,6 +534,7 @@ private:
     // The timeline.
     double timeline_ = 0;  // frames
     bool playing_ = false, loop_ = true;
+    std::string cameraNoted_;  // cameraText() of the one that undo knows last
     double speed_ = 1;
     Clock::time_point lastTick_{};
 

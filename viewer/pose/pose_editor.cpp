@@ -11,6 +11,7 @@ namespace doppel {
 
 namespace {
 
+constexpr std::string_view kCameraStep = "camera";
 // Keys in all steps together; a tenth of a gigabyte.
 constexpr size_t kMostKeysKept = size_t{100} * 1024 * 1024 / sizeof(Keyframe);
 
@@ -253,6 +254,24 @@ void PoseEditor::paste(std::string_view text, bool mirrored) {
     setPose(pose);
     setBetas(betas);
     if (!gesture) endGesture();
+}
+
+// ---- the camera ---------------------------------------------------------------------------------
+
+void PoseEditor::moveCamera(std::string camera) {
+    if (camera == now_.camera) return;
+    endGesture();
+    if (!now_.camera.empty()) push(kCameraStep, now_);
+    now_.camera = std::move(camera);
+}
+
+void PoseEditor::forgetCamera() {
+    endGesture();
+    for (std::deque<Step>* steps : {&past_, &future_}) {
+        std::erase_if(*steps, [](const Step& step) { return step.name == kCameraStep; });
+        for (Step& step : *steps) step.other.camera.clear();
+    }
+    now_.camera.clear();
 }
 
 // ---- keys ---------------------------------------------------------------------------------------

@@ -100,6 +100,15 @@ public:
     std::string copy() const;
     void paste(std::string_view text, bool mirrored = false);
 
+    // ---- the camera ----
+    // Where undo and redo bring back the camera as well: as text that only the caller reads; empty:
+    // it is not followed.
+    const std::string& camera() const { return now_.camera; }
+    // A step, unless it is the first camera that is told; ends a gesture.
+    void moveCamera(std::string camera);
+    // No longer follows it: its steps are forgotten.
+    void forgetCamera();
+
     // ---- keys, in the order of time ----
     // The pose as it is shown at this time: a new key, or in place of the one that is there.
     // InputError where the time is not a number that a timeline has.
@@ -121,6 +130,7 @@ private:
         Keyframes keyframes = std::make_shared<const std::vector<Keyframe>>();
         std::shared_ptr<const Motion> motion;
         Layer layer;
+        std::string camera;
         uint64_t opening = 0;
 
         bool timed() const { return motion || !keyframes->empty(); }
@@ -130,7 +140,7 @@ private:
         }
         bool operator==(const State& other) const {
             return pose == other.pose && betas == other.betas && sameOverTime(other) &&
-                   opening == other.opening;
+                   opening == other.opening && camera == other.camera;
         }
     };
     struct Step {
