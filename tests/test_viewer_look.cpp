@@ -1,8 +1,13 @@
 // The interface at several scales and in small windows: nothing is cut, and what is large is large.
+#include <imgui.h>
+
 #include <algorithm>
+#include <cmath>
 
 #include "tests/viewer_test.h"
 #include "viewer/picture/legend.h"
+#include "viewer/widgets.h"
+#include "viewer/window/look.h"
 
 namespace doppel::test {
 namespace {
@@ -266,6 +271,72 @@ TEST_F(LookTest, TheFontIsFoundOrDoneWithout) {
     ASSERT_GT(three, 0);
     const bool ofOneWidth = std::abs((five - four) - (four - three)) < .01f;
     EXPECT_EQ(ofOneWidth, interfaceFont().empty());
+}
+
+// Over what is opaque.
+ImVec4 over(const ImVec4& colour, const ImVec4& below) {
+    const auto mix = [&](float a, float b) { return a * colour.w + b * (1 - colour.w); };
+    return {mix(colour.x, below.x), mix(colour.y, below.y), mix(colour.z, below.z), 1};
+}
+
+// As WCAG 2 defines relative luminance and contrast; colours of sRGB from 0 to 1.
+double luminance(const ImVec4& colour) {
+    const auto linear = [](double c) {
+        return c <= .04045 ? c / 12.92 : std::pow((c + .055) / 1.055, 2.4);
+    };
+    return .2126 * linear(colour.x) + .7152 * linear(colour.y) + .0722 * linear(colour.z);
+}
+double contrast(const ImVec4& a, const ImVec4& b) {
+    const double la = luminance(a), lb = luminance(b);
+    return (std::max(la, lb) + .05) / (std::min(la, lb) + .05);
+}
+
+// WCAG's level AA: 4.5 for letters, 3 for what else has to be seen.
+TEST(Look, WordsHaveTheContrastOfLevelAA) {
+    EXPECT_NEAR(contrast({0, 0, 0, 1}, {1, 1, 1, 1}), 21, 1e-9);
+    EXPECT_NEAR(contrast({119 / 255.f, 119 / 255.f, 119 / 255.f, 1}, {1, 1, 1, 1}), 4.48, .01);
+    ImGui::CreateContext();
+    for (const Theme theme : {Theme::Dark, Theme::Light}) {
+        const std::string name = theme == Theme::Dark ? "dark" : "light";
+        applyLook({.theme = theme});
+        const ImVec4* colours = ImGui::GetStyle().Colors;
+        const ImVec4 window = colours[ImGuiCol_WindowBg];
+        ASSERT_EQ(window.w, 1) << "what lies on it is known";
+        const auto expect = [&](const ImVec4& words, const ImVec4& ground, const std::string& what,
+                                double least = 4.5) {
+            EXPECT_GE(contrast(over(words, ground), ground), least) << name << ": " << what;
+        };
+        for (const ImGuiCol ground :
+             {ImGuiCol_WindowBg, ImGuiCol_PopupBg, ImGuiCol_TitleBg, ImGuiCol_TitleBgActive,
+              ImGuiCol_FrameBg, ImGuiCol_FrameBgHovered, ImGuiCol_FrameBgActive, ImGuiCol_Button,
+              ImGuiCol_ButtonHovered, ImGuiCol_ButtonActive, ImGuiCol_Header,
+              ImGuiCol_HeaderHovered, ImGuiCol_HeaderActive, ImGuiCol_Tab, ImGuiCol_TabHovered,
+              ImGuiCol_TabActive, ImGuiCol_TableHeaderBg, ImGuiCol_TextSelectedBg})
+            expect(colours[ImGuiCol_Text], over(colours[ground], window),
+                   ImGui::GetStyleColorName(ground));
+        const ImVec4 frame = over(colours[ImGuiCol_FrameBg], window),
+                     active = over(colours[ImGuiCol_FrameBgActive], window);
+        expect(colours[ImGuiCol_Text], over(colours[ImGuiCol_SliderGrab], frame),
+               "a slider's grab");
+        expect(colours[ImGuiCol_Text], over(colours[ImGuiCol_SliderGrabActive], active),
+               "a slider's grab, held");
+        expect(colours[ImGuiCol_CheckMark], frame, "a check mark", 3);
+        // Hints are dimmed, and are there to be read.
+        expect(colours[ImGuiCol_TextDisabled], window, "hints");
+        expect(colours[ImGuiCol_TextDisabled], over(colours[ImGuiCol_PopupBg], window),
+               "hints in a tip");
+
+        // Over whatever picture there is.
+        const StatusColours status = statusColours(theme);
+        for (const float picture : {0.f, 1.f}) {
+            const ImVec4 ground = over(ImGui::ColorConvertU32ToFloat4(status.backing),
+                                       {picture, picture, picture, 1});
+            expect(ImGui::ColorConvertU32ToFloat4(status.plain), ground, "words over the picture");
+            expect(ImGui::ColorConvertU32ToFloat4(status.good), ground, "messages");
+            expect(ImGui::ColorConvertU32ToFloat4(status.bad), ground, "mistakes");
+        }
+    }
+    ImGui::DestroyContext();
 }
 
 }  // namespace

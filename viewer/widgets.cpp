@@ -45,7 +45,7 @@ StatusColours statusColours(Theme theme) {
                 .plain = IM_COL32(40, 44, 52, 255),
                 .good = IM_COL32(10, 105, 40, 255),
                 .bad = IM_COL32(180, 25, 20, 255)};
-    return {.backing = IM_COL32(18, 19, 22, 205),
+    return {.backing = IM_COL32(18, 19, 22, 215),
             .plain = IM_COL32(205, 210, 220, 255),
             .good = IM_COL32(160, 230, 160, 255),
             .bad = IM_COL32(255, 130, 120, 255)};

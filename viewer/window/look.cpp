@@ -86,8 +86,16 @@ void applyLook(const Look& look) {
         style.FrameBorderSize = 1;
         style.Colors[ImGuiCol_WindowBg] = ImVec4(.95f, .95f, .96f, 1);
         style.Colors[ImGuiCol_Button] = ImVec4(.26f, .52f, .92f, .28f);
+        style.Colors[ImGuiCol_CheckMark] = ImVec4(.12f, .40f, .82f, 1);
     } else {
         style.Colors[ImGuiCol_WindowBg] = ImVec4(.10f, .105f, .115f, 1);
+        // Dear ImGui's own are too bright to read white letters on (WCAG AA asks for 4.5 to 1).
+        for (const ImGuiCol hovered :
+             {ImGuiCol_ButtonHovered, ImGuiCol_HeaderHovered, ImGuiCol_TabHovered})
+            style.Colors[hovered] = ImVec4(.18f, .42f, .74f, 1);
+        for (const ImGuiCol held : {ImGuiCol_ButtonActive, ImGuiCol_HeaderActive})
+            style.Colors[held] = ImVec4(.14f, .36f, .66f, 1);
+        style.Colors[ImGuiCol_SliderGrabActive] = ImVec4(.20f, .46f, .82f, .45f);
         // Dear ImGui's own lightens what is behind a question.
         style.Colors[ImGuiCol_ModalWindowDimBg] = ImVec4(.02f, .02f, .03f, .55f);
     }
