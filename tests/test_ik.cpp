@@ -115,6 +115,40 @@ TEST(Ik, LeavesTheTrunkWhereTheArmReaches) {
     expectWithinLimits(drag.pose, "reaching down");
 }
 
+// Captures have arms that are straight, a degree beyond it and a degree askew. Wherever the wrist
+// can go by the arm alone the elbow bends, and the trunk does not lean.
+TEST(Ik, BendsAnArmThatACaptureHasStraight) {
+    for (const bool right : {false, true}) {
+        const double side = right ? -1 : 1;
+        const size_t shoulder = right ? joint::kRightShoulder : joint::kLeftShoulder,
+                     elbow = right ? joint::kRightElbow : joint::kLeftElbow,
+                     wrist = right ? joint::kRightWrist : joint::kLeftWrist;
+        Pose from = standing();
+        from.rotation[shoulder] = {0, 0, -.75 * side};
+        from.rotation[elbow] = {.03, .02 * side, -.01 * side};
+        const PosedSkeleton posed = forwardKinematics(skeleton(), from);
+        const double reach = glm::distance(posed.position[shoulder], posed.position[wrist]);
+        int tried = 0;
+        for (double x = 0; x < 1; x += .1)
+            for (double y = -.9; y < 1; y += .1) {
+                const double far = std::hypot(x, y);
+                if (far < .4 || far > .95) continue;
+                const glm::dvec3 target =
+                    posed.position[shoulder] + reach * glm::dvec3(side * x, y, 0);
+                const Pose pose = solveIk(skeleton(), from, std::vector<IkTarget>{{wrist, target}});
+                const std::string where = fmt::format("{} {:.1f} {:.1f}", right, x, y);
+                EXPECT_LT(glm::distance(placeOf(pose, wrist), target), .005) << where;
+                for (size_t j : {joint::kSpine1, joint::kSpine2, joint::kSpine3, joint::kPelvis})
+                    EXPECT_LT(turnBetween(pose, from, j), 3 * kDegree)
+                        << where << " " << jointName(j);
+                EXPECT_GT(bendOf(elbow, quaternionOf(pose.rotation[elbow])).flexion, 25 * kDegree)
+                    << where;
+                ++tried;
+            }
+        EXPECT_GT(tried, 60);
+    }
+}
+
 TEST(Ik, StretchesTowardsWhatIsOutOfReach) {
     struct Case {
         size_t joint, root, middle;

@@ -13,6 +13,7 @@ namespace doppel {
 namespace {
 
 constexpr size_t kLossesShown = 6;
+constexpr const char* kBetween = "   ";  // losses
 
 // Logarithmic where all are above zero: losses fall by factors.
 std::vector<double> heights(std::vector<double> values) {
@@ -22,6 +23,25 @@ std::vector<double> heights(std::vector<double> values) {
     const double from = low, range = high - low;
     for (double& value : values) value = range > 0 ? (value - from) / range : 0.5;
     return values;
+}
+
+// With new lines between losses where they are wider than that; Dear ImGui's own wrapping breaks
+// numbers at their points.
+std::string wrapped(const std::string& losses, float width) {
+    std::string text, line;
+    for (size_t from = 0; from < losses.size();) {
+        const size_t end = std::min(losses.find(kBetween, from), losses.size());
+        const std::string loss = losses.substr(from, end - from);
+        const std::string longer = line.empty() ? loss : line + kBetween + loss;
+        if (!line.empty() && ImGui::CalcTextSize(longer.c_str()).x > width) {
+            text += line + "\n";
+            line = loss;
+        } else {
+            line = longer;
+        }
+        from = end + std::string_view(kBetween).size();
+    }
+    return text + line;
 }
 
 }  // namespace
@@ -39,7 +59,7 @@ std::vector<std::string> Viewer::trainingLines() const {
     lines.push_back(line);
     std::string losses;
     for (size_t i = 0; i < std::min(kLossesShown, training_.latest().size()); ++i)
-        losses += fmt::format("{}{} {:.3g}", i > 0 ? "   " : "", training_.names()[i],
+        losses += fmt::format("{}{} {:.3g}", i > 0 ? kBetween : "", training_.names()[i],
                               training_.latest()[i]);
     lines.push_back(losses.empty() ? "before its first step" : losses);
     if (!stage.device.empty()) lines.push_back(stage.device);
@@ -49,7 +69,7 @@ std::vector<std::string> Viewer::trainingLines() const {
 void Viewer::drawTraining() {
     trainingPlot_ = {};
     if (!settings_.training || panes_.empty()) return;
-    const std::vector<std::string> lines = trainingLines();
+    std::vector<std::string> lines = trainingLines();
     if (lines.empty()) return;
     const auto unit = static_cast<float>(window_.unit());
     const auto right =
@@ -58,6 +78,7 @@ void Viewer::drawTraining() {
                     std::min(std::clamp(.4f * right, 190 * unit, 300 * unit), right - 16 * unit),
                 inner = width - 16 * unit;
     if (inner < 60 * unit) return;
+    lines[1] = wrapped(lines[1], inner);
     const float gap = 4 * unit, plot = 56 * unit;
     float height = 2 * gap + plot;
     for (const std::string& line : lines)

@@ -26,6 +26,8 @@ constexpr double kLongestTurn = .5;   // radians per step and number
 // One that a capture bent backwards by less than this is put right when it is asked to give; by
 // more, it stays.
 constexpr double kFirstBend = .03, kBentBackwards = -.2;
+// How far it is bent to see whether that is better, and by which share of the cost it has to be.
+constexpr double kTriedBend = .5, kWorthAnother = 1e-4;
 
 bool isFinite(const glm::dvec3& v) {
     return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
@@ -41,11 +43,11 @@ public:
 
     void solve() {
         if (farthest() < 1e-9) return;
-        bendStraightHinges();
         lead();
         for (double ease : kRounds) {
             ease_ = ease;
             descend(kSteps);
+            if (ease == kRounds[0]) giveWhereStraight();
         }
         if (options_.limits) {
             for (const Mover& mover : movers_)
@@ -85,6 +87,8 @@ private:
                     targets_[t].position =
                         i == count ? goals[t].position
                                    : glm::mix(from[t], goals[t].position, double(i) / count);
+            // The way may have led past where the limb is straight.
+            bendStraightHinges();
             descend(kLeadingSteps);
         }
     }
@@ -179,16 +183,29 @@ private:
         }
     }
 
-    void bendStraightHinges() {
+    // Whether there are any.
+    bool bendStraightHinges(double to = kFirstBend) {
+        bool found = false;
         for (const Mover& mover : movers_) {
             if (mover.count != 1) continue;
             glm::dquat& turn = now_.turn[mover.joint];
             const double flexion = bendOf(mover.joint, turn).flexion;
             if (flexion >= kFirstBend || flexion < kBentBackwards) continue;
-            const double missing = kFirstBend - flexion;
-            turn = limited(mover.joint, quaternionOf(missing * mover.axes[0]) * turn);
+            turn = limited(mover.joint, quaternionOf((to - flexion) * mover.axes[0]) * turn);
+            found = true;
         }
         place(now_);
+        return found;
+    }
+
+    // The search may have come to a straight limb where a bent one would do, and then the trunk
+    // gives in its place: whether the limb is bent is tried from there.
+    void giveWhereStraight() {
+        const State straight = now_;
+        const double value = cost(now_);
+        if (!bendStraightHinges(kTriedBend)) return;
+        descend(kSteps);
+        if (cost(now_) > value - kWorthAnother * value) now_ = straight;
     }
 
     void keepOrientations() {

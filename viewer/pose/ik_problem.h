@@ -194,7 +194,7 @@ protected:
                 // Bent sideways by a capture, a hinge goes on in the plane that it is bent in; a
                 // straight one in the human way.
                 const Bend bend = bendOf(j, began_[j]);
-                constexpr double kClear = .1;
+                constexpr double kClear = 1;
                 mover.axes[0] = glm::normalize((std::max(bend.flexion, 0.) + kClear) * bend.axis +
                                                bend.sideways * bend.across);
                 mover.count = 1;
