@@ -325,60 +325,6 @@ TEST(PoseEditor, WhatIsEditedOverAMotionIsStillThereWhenTheFrameComesAgain) {
     EXPECT_NEAR(before, .7, 1e-9);
 }
 
-// Joints that a key changes are held as it has them, whatever the motion does meanwhile.
-TEST(PoseEditor, ALayerThatOverridesHoldsWhatWasEdited) {
-    const auto motion = walk(60);
-    PoseEditor editor;
-    editor.openMotion(motion);
-    editor.setFade(8);
-    ASSERT_GT(turnOf(motionPose(*motion, 20), motionPose(*motion, 24), joint::kLeftElbow) +
-                  turnOf(motionPose(*motion, 20), motionPose(*motion, 24), joint::kLeftHip),
-              .01)
-        << "it moves";
-    const auto edit = [&](double time, double height) {
-        editor.goTo(time);
-        Pose pose = motionPose(*motion, time);
-        for (size_t j : {joint::kLeftHip, joint::kPelvis, joint::kLeftElbow})
-            pose.rotation[j] = {.1, .8, -.2};
-        pose.trans = {0, height, 3};
-        editor.setPose(pose);
-    };
-    edit(20, 1);
-    edit(24, 2);
-    const Pose added = editor.poseAt(22);
-    editor.setBlend(Layer::Blend::Override);
-    for (double t : {20., 21., 22., 23., 24.}) {
-        const Pose pose = editor.poseAt(t), under = motionPose(*motion, t);
-        for (size_t j : {joint::kLeftHip, joint::kPelvis, joint::kLeftElbow})
-            EXPECT_LT(glm::length(pose.rotation[j] - glm::dvec3(.1, .8, -.2)), 1e-9) << t;
-        EXPECT_NEAR(pose.trans.z, 3, 1e-9) << t;
-        EXPECT_EQ(pose.rotation[joint::kRightKnee], under.rotation[joint::kRightKnee]) << t;
-    }
-    EXPECT_NEAR(editor.poseAt(22).trans.y, 1.5, 1e-9);
-    EXPECT_NE(editor.poseAt(22), added);
-    // In and out by a smooth step, and the motion's own beyond.
-    double before = 0;
-    for (double t : {12., 13., 15., 17., 19., 20.}) {
-        const Pose pose = editor.poseAt(t), under = motionPose(*motion, t);
-        const double x = (20 - t) / 8, weight = 1 - x * x * (3 - 2 * x);
-        EXPECT_NEAR(pose.trans.y, under.trans.y + weight * (1 - under.trans.y), 1e-9) << t;
-        EXPECT_GE(turnOf(pose, under, joint::kLeftHip), weight > 0 ? before - .2 : 0) << t;
-        before = turnOf(pose, under, joint::kLeftHip);
-    }
-    for (double t : {0., 12., 32., 59.}) EXPECT_EQ(editor.poseAt(t), motionPose(*motion, t)) << t;
-    // A key that leaves a joint alone does not hold it.
-    editor.goTo(20);
-    Pose pose = editor.pose();
-    pose.rotation[joint::kHead] = {.5, 0, 0};
-    editor.setPose(pose);
-    EXPECT_EQ(editor.poseAt(24).rotation[joint::kHead],
-              motionPose(*motion, 24).rotation[joint::kHead]);
-    EXPECT_EQ(editor.undoName(), "pose");
-    editor.undo();
-    editor.undo();
-    EXPECT_EQ(editor.poseAt(22), added) << "the choice is a step as others are";
-}
-
 TEST(PoseEditor, UndoGoesToTheFrameAndBringsAllBack) {
     PoseEditor editor(bent(0), {1});
     const auto first = walk(40), second = walk(30);

@@ -441,7 +441,9 @@ TEST_F(EditsTest, AnyFailureLeavesTheSession) {
 
 TEST_F(EditsTest, UndoBringsTheCameraBackByChoice) {
     ViewerOptions options;
+    options.avatar = *folder_ / "avatar";
     options.width = 900, options.height = 740;  // the panel has no need to scroll
+    options.state = *folder_ / "state";
     Viewer& viewer = open(options);
     const auto orbitBy = [&](float pixels) {
         const glm::vec2 from(200, 60);
@@ -484,6 +486,16 @@ TEST_F(EditsTest, UndoBringsTheCameraBackByChoice) {
     }
     EXPECT_NEAR(viewer.camera().yaw, fourth, 1e-5);
     EXPECT_FALSE(viewer.editor().canRedo());
+    for (int i = 0; i < 3; ++i) undo();  // nothing is left unsaved
+
+    // The next start knows the choice, and begins without a step.
+    viewer_.reset();
+    viewer_.emplace(options);
+    settle();
+    EXPECT_FALSE(viewer_->editor().canUndo());
+    drag({200, 60}, {280, 60});
+    settle();
+    EXPECT_EQ(viewer_->editor().undoName(), "camera");
 }
 
 }  // namespace

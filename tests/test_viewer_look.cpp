@@ -334,6 +334,9 @@ TEST(Look, WordsHaveTheContrastOfLevelAA) {
             expect(ImGui::ColorConvertU32ToFloat4(status.plain), ground, "words over the picture");
             expect(ImGui::ColorConvertU32ToFloat4(status.good), ground, "messages");
             expect(ImGui::ColorConvertU32ToFloat4(status.bad), ground, "mistakes");
+            expect(colours[ImGuiCol_Text],
+                   over({window.x, window.y, window.z, .85f}, {picture, picture, picture, 1}),
+                   "a legend");
         }
     }
     ImGui::DestroyContext();

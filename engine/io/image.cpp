@@ -258,7 +258,9 @@ AxisWeights axisWeights(int from, int to) {
 
 PictureCodecs& pictureCodecs() {
     static PictureCodecs& codecs = *reinterpret_cast<PictureCodecs* (*)()>(
-        moduleFunction("doppel-pictures.so", "doppelPictures"))();
+        moduleFunction("doppel-pictures.so", "doppelPictures",
+                       "it reads and writes pictures, and comes with the program: build or install "
+                       "that again"))();
     return codecs;
 }
 

@@ -187,6 +187,11 @@ void writeRunRecord(const fs::path& avatar, const RunRecord& record) {
     writeTable(recordPath(avatar), toml::table{{"asked", asked}, {"done", done}});
 }
 
+double secondsSince1970() {
+    return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch())
+        .count();
+}
+
 std::optional<StageRecord> readStageRecord(const fs::path& avatar) {
     const fs::path path = stagePath(avatar);
     const std::optional<toml::table> table = readTable(path);
@@ -196,8 +201,17 @@ std::optional<StageRecord> readStageRecord(const fs::path& avatar) {
     const auto steps = (*table)["steps"].value<int64_t>(),
                first = (*table)["first"].value<int64_t>();
     const auto began = (*table)["began"].value<double>();
-    if (!stage || !device || !steps || !first || !began || *first < 0 || *first > *steps)
-        throwInput("{}: expected stage, device, steps, first and began, found others",
+    // The stage is a part of a file's name.
+    constexpr size_t kLongestStage = 40, kLongestDevice = 256;
+    constexpr int64_t kMostSteps = 1'000'000'000;
+    constexpr double kLatest = 1e11;
+    const bool good = stage && device && steps && first && began && !stage->empty() &&
+                      stage->size() <= kLongestStage &&
+                      std::ranges::all_of(*stage, [](char c) { return c >= 'a' && c <= 'z'; }) &&
+                      device->size() <= kLongestDevice && *steps <= kMostSteps && *first >= 0 &&
+                      *first <= *steps && *began >= 0 && *began <= kLatest;
+    if (!good)
+        throwInput("{}: expected a stage's name, device, steps, first and began, found others",
                    path.string());
     return StageRecord{*stage, *device, *steps, *first, *began};
 }

@@ -64,12 +64,14 @@ struct RunRecord {
 std::optional<RunRecord> readRunRecord(const std::filesystem::path& avatar);
 void writeRunRecord(const std::filesystem::path& avatar, const RunRecord& record);
 
+double secondsSince1970();
+
 // checkpoints/stage.toml, from a stage's first step on: what its curves (log/losses_STAGE.csv) do
 // not tell those who watch.
 struct StageRecord {
     std::string stage, device;
     int64_t steps = 0, first = 0;  // in all, and done before this process went on with it
-    double began = 0;              // when it did, in seconds since 1970
+    double began = 0;              // when it did: secondsSince1970()
     bool operator==(const StageRecord&) const = default;
 };
 

@@ -30,17 +30,13 @@ LaunchedRanks* launchedRanks() {
     static LaunchedRanks* ranks = []() -> LaunchedRanks* {
         const int size = launchedSize();
         if (size <= 1) return nullptr;
-        LaunchedRanks* (*start)() = nullptr;
-        try {
-            // MPI's own plug-ins look for its symbols among the global ones.
-            start = reinterpret_cast<LaunchedRanks* (*)()>(
-                moduleFunction("doppel-mpi.so", "doppelRanks", true));
-        } catch (const MachineError& error) {
-            throwMachine(
-                "this is one of {} processes, and {}: build with Open MPI (libopenmpi-dev), or "
-                "start one process",
-                size, error.what());
-        }
+        const std::string advice = fmt::format(
+            "this is one of {} processes: build with Open MPI (libopenmpi-dev), or "
+            "start one process",
+            size);
+        // MPI's own plug-ins look for its symbols among the global ones.
+        const auto start = reinterpret_cast<LaunchedRanks* (*)()>(
+            moduleFunction("doppel-mpi.so", "doppelRanks", advice, true));
         LaunchedRanks* started = start();
         // What this process starts itself is none of them.
         for (const char* name : kTellers) unsetenv(name);

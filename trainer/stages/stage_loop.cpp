@@ -18,11 +18,6 @@ double secondsNow() {
         .count();
 }
 
-double secondsSince1970() {
-    return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch())
-        .count();
-}
-
 // True every so many seconds; never for 0.
 class PictureClock {
 public:

@@ -87,6 +87,7 @@ void Viewer::drawTraining() {
     const float bottom =
         static_cast<float>(panes_[0].height / window_.scale()) - ImGui::GetFontSize() - 22 * unit;
     const ImVec2 from{8 * unit, bottom - height}, to{from.x + width, bottom};
+    if (from.y < 30 * unit) return;  // a window so low has no room for it
     ImDrawList& list = *ImGui::GetBackgroundDrawList();
     const StatusColours colours = statusColours(settings_.theme);
     list.AddRectFilled(from, to, colours.backing, 4 * unit);

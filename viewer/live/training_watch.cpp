@@ -11,12 +11,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr uintmax_t kMostBytes = 4u << 20;  // of a curve, in one reading
-constexpr size_t kMostColumns = 64;
-
-double secondsNow() {
-    return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch())
-        .count();
-}
+constexpr size_t kMostColumns = 64, kLongestRow = 4096, kMostRows = 10'000'000;
 
 std::vector<std::string> split(const std::string& line) {
     std::vector<std::string> parts;
@@ -77,6 +72,7 @@ void TrainingWatch::readCurve() {
     // Whole lines; what comes after them is there next time.
     for (size_t from = 0, end; (end = text.find('\n', from)) != std::string::npos; from = end + 1) {
         at_ += end + 1 - from;
+        if (end - from > kLongestRow || sums_.size() == kMostRows) continue;
         const std::vector<std::string> cells = split(text.substr(from, end - from));
         if (names_.empty()) {
             names_.assign(cells.begin() + 1, cells.end());
@@ -85,7 +81,7 @@ void TrainingWatch::readCurve() {
         std::vector<double> values;
         for (const std::string& cell : cells)
             if (const auto value = number(cell)) values.push_back(*value);
-        if (values.size() != names_.size() + 1 || values.size() < 2) continue;
+        if (values.size() != names_.size() + 1 || !std::isfinite(values[0])) continue;
         done_ = static_cast<int64_t>(std::clamp(values[0] + 1, 0., double(stage_->steps)));
         sums_.push_back(static_cast<float>(values[1]));
         latest_.assign(values.begin() + 1, values.end());
@@ -105,7 +101,7 @@ std::optional<double> TrainingWatch::secondsLeft() const {
 }
 
 double TrainingWatch::secondsSinceStep() const {
-    return stage_ ? std::max(0., secondsNow() - written_) : 0;
+    return stage_ ? std::max(0., secondsSince1970() - written_) : 0;
 }
 
 bool TrainingWatch::stands() const {
