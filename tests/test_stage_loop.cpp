@@ -12,6 +12,7 @@
 #include "nn/ops/elementwise.h"
 #include "tests/files.h"
 #include "tests/op_test.h"
+#include "trainer/avatar/checkpoint.h"
 
 namespace doppel {
 namespace {
@@ -90,6 +91,7 @@ TEST(StageLoop, KeepsNothingFromALossThatIsNotFinite) {
                 << error.what();
         }
         EXPECT_EQ(rows(out), (std::vector<std::string>{"step,loss", "0,0", "1,1"}));
+        EXPECT_FALSE(readStageRecord(out)) << "the stage is at its steps no more";
         if (seconds > 0)
             EXPECT_EQ(stepsDone(out), 2);
         else

@@ -224,6 +224,12 @@ void writeStageRecord(const fs::path& avatar, const StageRecord& record) {
                                               {"began", record.began}});
 }
 
+void removeStageRecord(const fs::path& avatar) {
+    std::error_code ignored;
+    fs::remove(stagePath(avatar), ignored);
+    fs::remove(stagePath(avatar).parent_path(), ignored);  // unless there is something else in it
+}
+
 void removeTrainingState(const fs::path& avatar) {
     fs::path folder = avatar / "checkpoints";
     std::error_code ignored;

@@ -66,7 +66,7 @@ void writeRunRecord(const std::filesystem::path& avatar, const RunRecord& record
 
 double secondsSince1970();
 
-// checkpoints/stage.toml, from a stage's first step on: what its curves (log/losses_STAGE.csv) do
+// checkpoints/stage.toml, while a stage's steps are taken: what its curves (log/losses_STAGE.csv) do
 // not tell those who watch.
 struct StageRecord {
     std::string stage, device;
@@ -75,9 +75,11 @@ struct StageRecord {
     bool operator==(const StageRecord&) const = default;
 };
 
-// Nothing where no run has come to its first step. InputError for a file that is not ours.
+// Nothing where no stage is at its steps. InputError for a file that is not ours.
 std::optional<StageRecord> readStageRecord(const std::filesystem::path& avatar);
 void writeStageRecord(const std::filesystem::path& avatar, const StageRecord& record);
+// With the folder, where it was all that was in it.
+void removeStageRecord(const std::filesystem::path& avatar);
 
 // Removes the record with all other training state, and what killed runs have left of it: the run
 // is done, or starts over. Files that Doppel does not write there stay.

@@ -33,6 +33,20 @@ private:
     double last_;
 };
 
+// The record of the stage, as long as its steps are taken.
+class ShownStage {
+public:
+    ShownStage(std::filesystem::path out, const StageRecord& record) : out_(std::move(out)) {
+        writeStageRecord(out_, record);
+    }
+    ~ShownStage() { removeStageRecord(out_); }
+    ShownStage(const ShownStage&) = delete;
+    ShownStage& operator=(const ShownStage&) = delete;
+
+private:
+    std::filesystem::path out_;
+};
+
 // Memory before the first step, on stdout.
 void printPlan(const StageLoop& loop) {
     auto mib = [](uint64_t bytes) { return static_cast<double>(bytes) / (1 << 20); };
@@ -165,13 +179,14 @@ bool StageLoop::run(const LoopSettings& settings) {
     if (first > 0)
         progress.note(fmt::format("{}: going on after step {} of {}", stage, first, steps));
     std::optional<LossLog> log;
+    std::optional<ShownStage> record;
     if (settings.keeps()) {
         log.emplace(settings.out / "log", stage, columns, first);
-        writeStageRecord(settings.out, {.stage = stage,
-                                        .device = graph ? graph->device().info().name : "",
-                                        .steps = steps,
-                                        .first = first,
-                                        .began = secondsSince1970()});
+        record.emplace(settings.out, StageRecord{.stage = stage,
+                                                 .device = graph ? graph->device().info().name : "",
+                                                 .steps = steps,
+                                                 .first = first,
+                                                 .began = secondsSince1970()});
     }
     const uint64_t sentBefore = sharing ? sharing->bytesSent() : 0;
     PictureClock pictures(settings.keeps() ? settings.pictureSeconds : 0);
