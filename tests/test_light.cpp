@@ -1,5 +1,5 @@
 // The light of a capture: an actor who turns under a lamp, and what training makes of her with and
-// without a light of its own; and how avatars keep it.
+// without a light of its own; and how avatars keep it. The exposure of each frame, likewise.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -13,10 +13,13 @@
 #include "tests/op_test.h"
 #include "tests/tiny_training.h"
 #include "trainer/avatar/avatar_renderer.h"
+#include "trainer/avatar/training_poses.h"
 #include "trainer/commands/cli.h"
+#include "trainer/data/frame_cache.h"
 #include "trainer/data/frame_selection.h"
 #include "trainer/eval/evaluate.h"
 #include "trainer/motion/synthetic.h"
+#include "trainer/stages/surface.h"
 #include "trainer/stages/train.h"
 
 namespace doppel {
@@ -39,8 +42,8 @@ const Capture& turn() {
     return capture;
 }
 
-// Of every other frame, stages shape and texels.
-Avatar trained(double lrLight, const fs::path& out) {
+// Stages shape and texels of these frames.
+TrainResult trained(const Capture& seen, double lrLight, double lrGain, const fs::path& out) {
     Avatar avatar;
     avatar.bodyArrays = readBodyArrays("default");
     avatar.body = bodyFromNpz(avatar.bodyArrays);
@@ -50,24 +53,27 @@ Avatar trained(double lrLight, const fs::path& out) {
     avatar.preset.texels.samples = 1;
     avatar.preset.texels.steps = 200;
     avatar.preset.texels.lrLight = lrLight;
+    avatar.preset.texels.lrGain = lrGain;
     TrainSettings settings;
     settings.out = out;
     settings.stages = {"shape", "texels"};
     settings.pictureSeconds = 1e9;
-    return trainAvatar(testDevice(), std::move(avatar),
-                       turn().subset(std::vector<size_t>{0, 2, 4, 6, 8, 10, 12, 14}), settings)
-        .avatar;
+    return trainAvatar(testDevice(), std::move(avatar), seen, settings);
 }
 
+const std::vector<size_t> kEven{0, 2, 4, 6, 8, 10, 12, 14}, kOdd{1, 3, 5, 7, 9, 11, 13, 15};
+
 double heldOut(const Avatar& avatar) {
-    Capture unseen = turn().subset(std::vector<size_t>{1, 3, 5, 7, 9, 11, 13, 15});
+    Capture unseen = turn().subset(kOdd);
     unseen.betas = avatar.betas;
     return meanMetrics(evaluateAvatar(testDevice(), avatar, unseen)).psnrBody;
 }
 
 TEST(Light, IsLearnedFromAPersonWhoTurns) {
     const test::Folder folder;
-    const Avatar with = trained(.005, folder / "with"), without = trained(0, folder / "without");
+    const Capture seen = turn().subset(kEven);
+    const Avatar with = trained(seen, .005, 0, folder / "with").avatar,
+                 without = trained(seen, 0, 0, folder / "without").avatar;
     ASSERT_EQ(with.light.size(), kLightNumbers);
     EXPECT_TRUE(without.light.empty());
     // How much brighter the left is than the right, of what half faces the camera. How bright the
@@ -125,6 +131,74 @@ TEST(Light, IsLearnedFromAPersonWhoTurns) {
     std::string many = "[ nan";
     for (size_t i = 1; i < kLightNumbers; ++i) many += ", 0.5";
     expectRefused(many + " ]", "light: expected 24 numbers from -100 to 100, found nan 0.5 0.5");
+}
+
+// What an automatic exposure and white balance make of frame f.
+Gain exposure(size_t f) {
+    const auto at = static_cast<float>(f);
+    const float all = 1 + .15f * std::sin(1.3f * at), warm = .06f * std::cos(2.1f * at);
+    return {all * (1 + warm), all, all * (1 - warm)};
+}
+
+TEST(Light, ExposuresOfFramesAreLearned) {
+    const test::Folder folder;
+    fs::copy(turn().folder, folder / "capture", fs::copy_options::recursive);
+    for (size_t f = 0; f < turn().size(); ++f) {
+        const fs::path path = folder / "capture" / "images" / turn().frames[f].image.filename();
+        Image image = readImage(path, 3);
+        for (size_t i = 0; i < image.data.size(); ++i)
+            image.data[i] = static_cast<uint8_t>(std::lround(
+                std::min(255.0f, exposure(f)[i % 3] * .8f * static_cast<float>(image.data[i]))));
+        writeImage(path, image);
+    }
+    const Capture drifting = readCapture(folder / "capture"), seen = drifting.subset(kEven);
+    TrainResult with = trained(seen, .005, .01, folder / "with"),
+                without = trained(seen, .005, 0, folder / "without");
+    EXPECT_TRUE(without.capture.gains.empty());
+    ASSERT_EQ(with.capture.gains.size(), seen.size());
+    // How bright all frames are together is the texture's: gains are compared with each other. What
+    // the lamp does to who turns looks like a little of them; they span a third.
+    auto expectTruth = [&](const std::vector<Gain>& gains, const std::vector<size_t>& frames) {
+        for (size_t c = 0; c < 3; ++c) {
+            double truth = 0, found = 0;
+            for (size_t k = 0; k < frames.size(); ++k)
+                truth += exposure(frames[k])[c], found += gains[k][c];
+            for (size_t k = 0; k < frames.size(); ++k)
+                EXPECT_NEAR(gains[k][c] / found, exposure(frames[k])[c] / truth,
+                            .06 * exposure(frames[k])[c] / truth)
+                    << "frame " << frames[k] << ", channel " << c;
+        }
+    };
+    expectTruth(with.capture.gains, kEven);
+    auto body = [&](const Avatar& avatar, const Capture& capture) {
+        return meanMetrics(evaluateAvatar(testDevice(), avatar, capture)).psnrBody;
+    };
+    EXPECT_GT(body(with.avatar, with.capture), body(without.avatar, without.capture) + 1);
+
+    // Frames that training did not see: a fit to their pictures finds theirs.
+    Capture unseen = drifting.subset(kOdd);
+    unseen.betas = with.avatar.betas;
+    fitPosesToPictures(testDevice(), with.avatar, unseen, 1);
+    ASSERT_EQ(unseen.gains.size(), kOdd.size());
+    expectTruth(unseen.gains, kOdd);
+
+    // They are kept with the poses; what decodes frames takes them out.
+    Capture again = drifting;
+    EXPECT_EQ(takeTrainingPoses(folder / "with", again), seen.size());
+    ASSERT_EQ(again.gains.size(), drifting.size());
+    EXPECT_EQ(again.gains[0], with.capture.gains[0]);
+    EXPECT_EQ(again.gains[1], (Gain{1, 1, 1}));
+    EXPECT_EQ(again.subset(kEven).gains, with.capture.gains);
+    FrameCache asRecorded(drifting), even(again);
+    const std::vector<uint8_t> dark = asRecorded.load(2)->rgb, flat = even.load(2)->rgb;
+    for (size_t i = 0; i < dark.size(); ++i)
+        ASSERT_NEAR(flat[i], std::min(255.0f, static_cast<float>(dark[i]) / again.gains[2][i % 3]),
+                    .51);
+    Npz poses = readNpz(folder / "with" / "poses.npz");
+    poses.set("gain", Array::f32({8, 3}, std::vector<float>(24)));
+    writeNpz(folder / "with" / "poses.npz", poses, true);
+    expectInputError([&] { takeTrainingPoses(folder / "with", again); },
+                     "poses.npz: gain: expected numbers from 0.1 to 10, found 0 in frame 0");
 }
 
 }  // namespace

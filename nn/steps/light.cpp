@@ -1,6 +1,7 @@
 #include "nn/steps/light.h"
 
 #include "nn/ops/elementwise.h"
+#include "nn/ops/linalg.h"
 #include "nn/ops/mesh.h"
 
 namespace doppel {
@@ -21,9 +22,17 @@ CaptureLight::CaptureLight(Graph& graph, const BodyModel& body, const RasterMesh
                    .lit_;
 }
 
-Tensor CaptureLight::lit(const Tensor& texture, const Tensor& verts) const {
+Tensor CaptureLight::lit(const Tensor& texture, const Tensor& verts, const Tensor& gain) const {
+    CHECK(lit_ || !gain, "a gain is one of a light");
     if (!lit_) return texture;
-    return litTexture(graph_, texture, lit_->light, vertexNormals(graph_, verts, lit_->topology),
+    Tensor light = lit_->light;
+    if (gain) {
+        constexpr int64_t kRows = 1 + kLightRows;
+        Tensor ones = graph_.constant(std::vector<float>(kRows, 1.0f), {1, kRows, 1});
+        Tensor everyRow = matmul(graph_, ones, gain.reshaped({1, 1, 3}));
+        light = multiply(graph_, light, everyRow.reshaped({kRows, 3}));
+    }
+    return litTexture(graph_, texture, light, vertexNormals(graph_, verts, lit_->topology),
                       lit_->faceVertices, lit_->texels);
 }
 

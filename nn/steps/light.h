@@ -31,8 +31,9 @@ public:
                  const Tensor& light);
 
     // The texture [T,T,3] as the camera sees it on a body with these vertices [V,3] in camera
-    // space. Gradients to the texture and to L, none to the vertices.
-    Tensor lit(const Tensor& texture, const Tensor& verts) const;
+    // space, times what the picture's exposure and white balance make of it, where there is a
+    // gain [3]. Gradients to the texture, to L and to the gain, none to the vertices.
+    Tensor lit(const Tensor& texture, const Tensor& verts, const Tensor& gain = {}) const;
 
 private:
     struct Lit {

@@ -71,7 +71,9 @@ SurfaceState::SurfaceState(Device& device, const BodyModel& body, SurfaceStart f
         if (start.light.empty()) start.light.resize(kLightNumbers);
         light.add("light", {kLightRows, 3}, start.light);
     }
-    for (Parameters* parameters : {&corrections, &offsets, &texels, &light})
+    if (!start.texels.empty() && preset.lrGain > 0)
+        gains.add("gains", {frames, 3}, std::vector<float>(static_cast<size_t>(3 * frames)));
+    for (Parameters* parameters : {&corrections, &offsets, &texels, &light, &gains})
         if (!parameters->entries().empty()) parameters->allocate(device);
 }
 
@@ -86,6 +88,7 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
     const bool coloured = !start.texels.empty();
     const bool movesTexels = coloured && start.movesTexels;
     const bool movesLight = !state.light.entries().empty();
+    const bool movesGains = !state.gains.entries().empty();
 
     // What all frames share.
     MeshTensors mesh = meshTensors(graph, meshTopology(body.faces, V, body.file));
@@ -109,11 +112,15 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
     std::optional<CaptureLight> light;
     if (movesLight)
         light.emplace(graph, body, faces, texture, graph.parameter(state.light, "light"));
+    else if (coloured && movesGains && start.light.empty())
+        light.emplace(graph, body, faces, texture, std::vector<float>(kLightNumbers));
     else if (coloured)
         light.emplace(graph, body, faces, texture, start.light);
 
     constexpr uint32_t kFrameWord = offsetof(StepParams, frame) / 4;
     Tensor table = graph.attach(corrections.section(Parameters::kValues), {frames, kPoseRow});
+    Tensor gainTable;
+    if (movesGains) gainTable = graph.attach(state.gains.section(Parameters::kValues), {frames, 3});
     Tensor given = graph.constant(std::span<const float>(start.poses), {frames, kPoseRow});
     Tensor joints = graph.constant(std::span<const float>(jointWeights(coloured)), {kJointCount});
     PosePriorWeights prior;
@@ -127,7 +134,7 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
     const SurfaceOptions drawing{.samples = preset.samples};
     for (int i = 0; i < preset.batch; ++i)
         poseSteps.push_back(graph.input({sizeof(StepParams) / 4}, ElementType::I32));
-    std::vector<Tensor> rows;
+    std::vector<Tensor> rows, gainRows;
     for (const Tensor& poseStep : partOf(options.ranks, poseSteps)) {
         Sample sample;
         sample.camera = graph.input(kCameraShape);
@@ -146,7 +153,13 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
             look.background = sample.background;
             look.teaches = sample.mask;
             look.facing = static_cast<float>(preset.facing);
-            look.texture = light->lit(albedo, posed.verts);
+            Tensor gain;
+            if (movesGains) {
+                gainRows.push_back(selectRow(graph, gainTable, poseStep, kFrameWord));
+                graph.watch(gainRows.back());
+                gain = scaleShift(graph, gainRows.back(), 1, 1);
+            }
+            look.texture = light->lit(albedo, posed.verts, gain);
         }
         SurfaceRender drawn = surfaceRender(graph, faces, posed.verts, sample.camera,
                                             coloured ? &look : nullptr, size, size, drawing);
@@ -191,14 +204,19 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
     }
     graph.backward(losses.sum());
 
-    if (start.movesPoses) {
-        const std::vector<Tensor> gradients = rowGradients(graph, rows);
+    auto updateRows = [&](const Parameters& parameters, const Tensor& values,
+                          const std::vector<Tensor>& drawn, const AdamWOptions& optimiser) {
+        const std::vector<Tensor> gradients = rowGradients(graph, drawn);
         for (size_t i = 0; i < poseSteps.size(); ++i)
-            adamwRow(graph, table, gradients[i],
-                     graph.attach(corrections.section(Parameters::kMoment1), {frames, kPoseRow}),
-                     graph.attach(corrections.section(Parameters::kMoment2), {frames, kPoseRow}),
-                     withRate(kPoseOptimiser, preset.lrTheta), poseSteps[i]);
-    }
+            adamwRow(graph, values, gradients[i],
+                     graph.attach(parameters.section(Parameters::kMoment1), values.shape),
+                     graph.attach(parameters.section(Parameters::kMoment2), values.shape),
+                     optimiser, poseSteps[i]);
+    };
+    if (start.movesPoses)
+        updateRows(corrections, table, rows, withRate(kPoseOptimiser, preset.lrTheta));
+    if (movesGains)
+        updateRows(state.gains, gainTable, gainRows, withRate(kGainOptimiser, preset.lrGain));
     if (start.movesOffsets) {
         auto section = [&](Parameters::Section which) {
             return graph.attach(offsets.view(*offsets.find("offsets"), which), {V, 3});
@@ -228,6 +246,13 @@ std::vector<float> SurfaceState::offsetValues() const {
 
 std::vector<float> SurfaceState::lightValues() const {
     return light.entries().empty() ? start.light : light.read(*light.find("light"));
+}
+
+std::vector<float> SurfaceState::gainValues() const {
+    if (gains.entries().empty()) return {};
+    std::vector<float> values = gains.read(*gains.find("gains"));
+    for (float& value : values) ++value;
+    return values;
 }
 
 std::vector<float> SurfaceState::texelValues() const {

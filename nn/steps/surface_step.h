@@ -34,6 +34,8 @@ namespace doppel {
            "is smoothed")                                                                        \
     NUMBER(double, lrTexels, .015, 0, 10, "of 1, per step and texel")                            \
     NUMBER(double, lrLight, 0, 0, 10, "of 1, per step, of the capture's light; 0: none learned") \
+    NUMBER(double, lrGain, 0, 0, 10,                                                             \
+           "of 1, per step, of a frame's exposure and white balance; 0: none learned")           \
     NUMBER(double, silhouette, 1, 0, kNoLimit, "w_s, weight of the silhouettes' loss")           \
     NUMBER(double, silhouette1, 2, 0, kNoLimit, "weight in it of single pixels")                 \
     NUMBER(double, silhouette2, 1, 0, kNoLimit, "weight in it of cells of 2 pixels a side")      \
@@ -79,6 +81,9 @@ inline constexpr AdamWOptions kSurfaceOptimiser{.beta1 = .9f, .beta2 = .99f, .we
 inline constexpr AdamWOptions kPoseOptimiser{.beta1 = .9f, .beta2 = .97f, .weightDecay = 0};
 // What no frame tells of the light is zero: people who do not turn show it from one side.
 inline constexpr AdamWOptions kLightOptimiser{.beta1 = .9f, .beta2 = .99f, .weightDecay = .1f};
+// How bright all frames are together, the texels say. The steps of poses are the gains' steps, so
+// their memories are as long.
+inline constexpr AdamWOptions kGainOptimiser{.beta1 = .9f, .beta2 = .97f, .weightDecay = .1f};
 
 // What steps move. One state may be moved by steps over crops of several sizes, one after another.
 struct SurfaceState {
@@ -87,7 +92,7 @@ struct SurfaceState {
     // texels [size,size,3]: what their mean over neighbours (nn/ops/texture.h) adds to those at the
     // start, for a picture tells nothing finer.
     Parameters corrections, offsets, texels;
-    Parameters light;  // of nothing unless it is learned
+    Parameters light, gains;  // of nothing unless they are learned; gains less one [frames,3]
 
     SurfaceState(Device& device, const BodyModel& body, SurfaceStart start,
                  const SurfacePreset& preset);
@@ -97,6 +102,7 @@ struct SurfaceState {
     std::vector<float> offsetValues() const;  // [V,3]
     std::vector<float> texelValues() const;   // [size,size,3] in [0,1]
     std::vector<float> lightValues() const;   // [8,3], or empty
+    std::vector<float> gainValues() const;    // [frames,3], or empty
 };
 
 // One step over a batch of frames: forward, backward and updates in one graph.

@@ -92,6 +92,7 @@ Preset presetByName(std::string_view name) {
     preset.texels.smooth = 50;
     preset.texels.lrTexels = .03;
     preset.texels.lrLight = .005;
+    preset.texels.lrGain = .01;
     preset.texels.decay = .3;
     preset.texels.robust = .005;
     preset.texels.facing = 4;

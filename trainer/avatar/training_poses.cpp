@@ -20,6 +20,24 @@ Row rowOf(const Theta& theta, const Trans& trans) {
     return row;
 }
 
+constexpr Gain kNoGain{1, 1, 1};
+
+// Of so many frames; empty where there are none.
+std::vector<Gain> gainsIn(const std::filesystem::path& path, size_t frames) {
+    const Npz arrays = readNpz(path);
+    const Array* gain = arrays.find("gain");
+    if (!gain) return {};
+    const std::vector<float> values = gain->requireShape({static_cast<int64_t>(frames), 3}).toF32();
+    std::vector<Gain> gains(frames);
+    for (size_t i = 0; i < values.size(); ++i) {
+        if (!(values[i] >= kLeastGain && values[i] <= kMostGain))
+            throwInput("{}: gain: expected numbers from {} to {}, found {} in frame {}",
+                       path.string(), kLeastGain, kMostGain, values[i], i / 3);
+        gains[i / 3][i % 3] = values[i];
+    }
+    return gains;
+}
+
 // Numbers of an avatar's training frames, of which there are so many, by the poses that the capture
 // had.
 std::map<Row, size_t> framesByGivenPose(const std::filesystem::path& path, size_t frames) {
@@ -41,20 +59,42 @@ std::vector<TrainedFrame> framesAmong(const std::filesystem::path& avatar,
                                       std::span<const Theta> theta, std::span<const Trans> trans) {
     if (!std::filesystem::exists(avatar / kFile)) return {};
     const Poses trained = readPoses(avatar / kFile, true);
+    const std::vector<Gain> gains = gainsIn(avatar / kFile, trained.theta.size());
     const std::map<Row, size_t> known = framesByGivenPose(avatar / kFile, trained.theta.size());
     std::vector<TrainedFrame> found;
     for (size_t f = 0; f < theta.size(); ++f)
         if (const auto at = known.find(rowOf(theta[f], trans[f])); at != known.end())
-            found.push_back({f, trained.theta[at->second], trained.trans[at->second]});
+            found.push_back({f, trained.theta[at->second], trained.trans[at->second],
+                             gains.empty() ? kNoGain : gains[at->second]});
     return found;
 }
 
 }  // namespace
 
+Npz posesOf(const Capture& capture) {
+    Npz arrays = posesArrays(capture.theta, capture.trans, capture.betas);
+    if (capture.gains.empty()) return arrays;
+    std::vector<float> values;
+    for (const Gain& gain : capture.gains) values.insert(values.end(), gain.begin(), gain.end());
+    arrays.set("gain", Array::f32({static_cast<int64_t>(capture.size()), 3}, values));
+    return arrays;
+}
+
+void takePoses(const std::filesystem::path& path, Capture& capture) {
+    const Poses poses = readPoses(path, true);
+    if (poses.theta.size() != capture.size())
+        throwInput("{}: expected {} poses, as many as the capture has frames, found {}",
+                   path.string(), capture.size(), poses.theta.size());
+    capture.gains = gainsIn(path, capture.size());
+    capture.theta = poses.theta;
+    capture.trans = poses.trans;
+    capture.betas = poses.betas;
+}
+
 void writeTrainingPoses(const std::filesystem::path& avatar, const Capture& given,
                         const Capture& trained) {
     CHECK(given.size() == trained.size(), "{} frames are not {}", given.size(), trained.size());
-    Npz arrays = posesArrays(trained.theta, trained.trans, trained.betas);
+    Npz arrays = posesOf(trained);
     std::vector<float> rows;
     for (size_t f = 0; f < given.size(); ++f)
         std::ranges::copy(rowOf(given.theta[f], given.trans[f]), std::back_inserter(rows));
@@ -64,9 +104,13 @@ void writeTrainingPoses(const std::filesystem::path& avatar, const Capture& give
 
 size_t takeTrainingPoses(const std::filesystem::path& avatar, Capture& capture) {
     const std::vector<TrainedFrame> known = framesAmong(avatar, capture.theta, capture.trans);
+    const bool gained = std::ranges::any_of(
+        known, [](const TrainedFrame& trained) { return trained.gain != kNoGain; });
+    if (gained) capture.gains.resize(capture.size(), kNoGain);
     for (const TrainedFrame& trained : known) {
         capture.theta[trained.frame] = trained.theta;
         capture.trans[trained.frame] = trained.trans;
+        if (gained) capture.gains[trained.frame] = trained.gain;
     }
     return known.size();
 }

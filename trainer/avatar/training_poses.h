@@ -1,5 +1,5 @@
 // The poses of the frames that an avatar was trained on, as training left them. In the avatar's
-// folder, poses.npz: what readPoses() takes, and
+// folder, poses.npz: what posesOf() writes, and
 //
 //     given [F,75]   theta and trans of each frame as the capture had them: tells frames again
 #pragma once
@@ -13,13 +13,21 @@
 
 namespace doppel {
 
+// The capture's poses and shape as readPoses() takes them, and
+//
+//     gain [F,3]   of each frame, where they were looked for (Capture::gains)
+Npz posesOf(const Capture& capture);
+// Gives them to a capture of as many frames; the frames' gains are those of the file, or none.
+// InputError for another number of frames or a file that is damaged.
+void takePoses(const std::filesystem::path& path, Capture& capture);
+
 // given: the capture that training was given; trained: the same frames with the poses of now.
 void writeTrainingPoses(const std::filesystem::path& avatar, const Capture& given,
                         const Capture& trained);
 
 // Gives those of the capture's frames which the avatar was trained on, told by the poses that they
-// have, the poses that training found. Returns how many; 0 where the avatar has none. InputError
-// for a file that is damaged.
+// have, the poses and gains that training found. Returns how many; 0 where the avatar has none.
+// InputError for a file that is damaged.
 size_t takeTrainingPoses(const std::filesystem::path& avatar, Capture& capture);
 
 // A frame of a motion that the avatar was trained on, and the pose that training found.
@@ -27,6 +35,7 @@ struct TrainedFrame {
     size_t frame;
     Theta theta;
     Trans trans;
+    Gain gain;
 };
 
 // Those of the motion's frames, as it was read, told likewise; none where it is no capture.

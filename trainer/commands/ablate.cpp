@@ -11,12 +11,12 @@
 
 #include "engine/files/atomic_file.h"
 #include "trainer/avatar/checkpoint.h"
+#include "trainer/avatar/training_poses.h"
 #include "trainer/commands/command.h"
 #include "trainer/data/frame_selection.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"
 #include "trainer/eval/results.h"
-#include "trainer/motion/motion.h"
 #include "trainer/stages/train.h"
 
 namespace doppel {
@@ -55,15 +55,13 @@ public:
             file.write(asked);
             file.commit();
         } else if (fs::exists(poses)) {
-            takePoses(capture, poses);
+            takePoses(poses, capture);
             return {readAvatar(settings.out), std::move(capture), std::nullopt};
         }
         settings.resume = readRunRecord(settings.out).has_value();
         if (settings.resume) avatar = unfinished(settings.out, std::move(avatar));
         TrainResult result = trainAvatar(device_, std::move(avatar), std::move(capture), settings);
-        writeNpz(poses,
-                 posesArrays(result.capture.theta, result.capture.trans, result.capture.betas),
-                 false);
+        writeNpz(poses, posesOf(result.capture), false);
         result.avatar = readAvatar(settings.out);  // as the next run will find it
         return result;
     }
@@ -94,16 +92,6 @@ private:
         there.provenance = avatar.provenance;
         return there;
     }
-    static void takePoses(Capture& capture, const fs::path& path) {
-        const Motion poses = readMotion(path);
-        if (poses.size() != capture.size())
-            throwInput("{}: expected {} poses, as many as the capture has frames, found {}",
-                       path.string(), capture.size(), poses.size());
-        capture.theta = poses.theta;
-        capture.trans = poses.trans;
-        capture.betas = poses.betas;
-    }
-
     Device& device_;
     const AblateOptions& options_;
 };

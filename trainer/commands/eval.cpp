@@ -1,5 +1,6 @@
 #include "trainer/commands/eval.h"
 
+#include <algorithm>
 #include <iostream>
 #include <nlohmann/json.hpp>
 
@@ -20,7 +21,7 @@ namespace {
 Evaluation evaluateOne(Device& device, const std::filesystem::path& avatarFolder,
                        const std::filesystem::path& captureFolder, const EvalOptions& options,
                        const Measures& measures, const std::filesystem::path& pictures,
-                       Settings* settings, std::string& whose) {
+                       Settings* settings, std::vector<std::string>& remarks) {
     Avatar avatar = readAvatar(avatarFolder);
     TextureKind texture = textureKind(options.texture);
     requireTexture(avatar, texture, avatarFolder);
@@ -30,7 +31,8 @@ Evaluation evaluateOne(Device& device, const std::filesystem::path& avatarFolder
     if (settings) settings->insert(settings->end(), {{"preset", avatar.preset.name}});
     const Capture given = capture;
     const size_t seen = takeTrainingPoses(avatarFolder, capture);
-    whose = whoseFrames(avatar.provenance, capture, seen);
+    if (const std::string whose = whoseFrames(avatar.provenance, capture, seen); !whose.empty())
+        remarks.push_back(whose);
     if (options.givenPoses) capture = given;
     if (seen > 0 && !options.givenPoses && options.fitTestPoses.empty())
         fmt::print(stderr,
@@ -46,6 +48,14 @@ Evaluation evaluateOne(Device& device, const std::filesystem::path& avatarFolder
             settings->emplace_back("body_iou_before_fit", fmt::format("{:.4f}", fit.iouBefore));
             settings->emplace_back("body_iou_after_fit", fmt::format("{:.4f}", fit.iouAfter));
         }
+    }
+    if (!capture.gains.empty()) {
+        Gain least = capture.gains[0], most = least;
+        for (const Gain& gain : capture.gains)
+            for (size_t c = 0; c < 3; ++c)
+                least[c] = std::min(least[c], gain[c]), most[c] = std::max(most[c], gain[c]);
+        remarks.push_back(fmt::format("renders have the frames' exposures, {:.2f} to {:.2f}",
+                                      std::ranges::min(least), std::ranges::max(most)));
     }
     EvaluateSettings evaluate;
     evaluate.pictures = pictures;
@@ -108,26 +118,26 @@ void runEval(const EvalOptions& options) {
         {"lpips_net", options.measures.lpips.empty() ? "" : options.measures.lpipsNet},
         {"device", device.info().name}};
     std::vector<EvaluatedCapture> evaluated;
-    std::vector<std::string> whoseRemarks;
+    std::vector<std::string> ownRemarks;  // of single captures
     for (const CollectionEntry& entry : entries) {
         if (collection)
             fmt::print(stderr, "{} of {}: {}, {}\n", evaluated.size() + 1, entries.size(),
                        entry.actor, entry.motion);
         std::filesystem::path pictures = options.pictures;
         if (collection && !pictures.empty()) pictures = pictures / entry.actor / entry.motion;
-        std::string whose;
+        std::vector<std::string> own;
         evaluated.push_back({entry, evaluateOne(device, avatarOf(options.avatar, entry.actor),
                                                 entry.folder, options, measures, pictures,
-                                                collection ? nullptr : &settings, whose)});
-        if (whose.empty()) continue;
-        whoseRemarks.push_back(
-            collection ? fmt::format("{}, {}: {}", entry.actor, entry.motion, whose) : whose);
+                                                collection ? nullptr : &settings, own)});
+        for (const std::string& remark : own)
+            ownRemarks.push_back(
+                collection ? fmt::format("{}, {}: {}", entry.actor, entry.motion, remark) : remark);
     }
     const std::vector<ResultRow> rows = groupResults(evaluated);
     size_t clips = 0;
     for (const EvaluatedCapture& capture : evaluated) clips += capture.evaluation.realClips.size();
     std::vector<std::string> remarks = measures.remarks(clips);
-    remarks.insert(remarks.end(), whoseRemarks.begin(), whoseRemarks.end());
+    remarks.insert(remarks.end(), ownRemarks.begin(), ownRemarks.end());
     if (!options.out.empty()) writeResults(options.out, "results", rows, settings, remarks);
     if (collection) {
         if (options.common.json)

@@ -147,6 +147,7 @@ Capture Capture::subset(std::span<const size_t> indices) const {
         part.frames.push_back(frames[i]);
         part.theta.push_back(theta[i]);
         part.trans.push_back(trans[i]);
+        if (!gains.empty()) part.gains.push_back(gains[i]);
         if (keypoints) {
             const auto size = std::ptrdiff_t(3 * keypoints->count);
             const auto from = keypoints->values.begin() + std::ptrdiff_t(i) * size;

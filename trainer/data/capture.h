@@ -17,6 +17,7 @@
 // names. In memory poses are always in camera space: an extrinsic is folded into them on reading.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <filesystem>
 #include <map>
@@ -48,6 +49,11 @@ struct Keypoints {
 // the mid-points that SMPL's joints only come near). InputError for an unknown scheme.
 std::span<const int> keypointJoints(std::string_view scheme);
 
+// What a frame's exposure and white balance make of colours that are encoded as sRGB: factors of
+// red, green and blue.
+using Gain = std::array<float, 3>;
+inline constexpr float kLeastGain = .1f, kMostGain = 10;
+
 struct Capture {
     std::filesystem::path folder;
     std::string name;
@@ -57,6 +63,9 @@ struct Capture {
     Betas betas{};
     std::vector<Theta> theta;  // per frame; theta[0..2] turns the body into camera space
     std::vector<Trans> trans;  // per frame, camera space: v_cam = R(θ0)(v − j0) + j0 + trans
+    // Per frame, as training or a fit to pictures found them, of the avatar's colours; empty: none
+    // were looked for. FrameCache takes them out.
+    std::vector<Gain> gains;
     std::optional<Keypoints> keypoints;
     // How it was made, written as strings into capture.toml's [source].
     std::map<std::string, std::string> source;

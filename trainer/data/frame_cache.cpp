@@ -1,10 +1,26 @@
 #include "trainer/data/frame_cache.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include "engine/error.h"
 #include "engine/io/image.h"
 
 namespace doppel {
 namespace fs = std::filesystem;
+
+namespace {
+
+void divide(std::vector<uint8_t>& rgb, const Gain& gain) {
+    std::array<std::array<uint8_t, 256>, 3> table;
+    for (size_t c = 0; c < 3; ++c)
+        for (size_t value = 0; value < 256; ++value)
+            table[c][value] = static_cast<uint8_t>(
+                std::min(255l, std::lround(static_cast<float>(value) / gain[c])));
+    for (size_t i = 0; i < rgb.size(); ++i) rgb[i] = table[i % 3][rgb[i]];
+}
+
+}  // namespace
 
 FrameCache::FrameCache(const Capture& capture, size_t memoryBudget)
     : capture_(capture), budget_(memoryBudget) {}
@@ -33,6 +49,7 @@ std::shared_ptr<const Picture> FrameCache::load(size_t index) {
     picture->width = image.width;
     picture->height = image.height;
     picture->rgb = std::move(image.data);
+    if (!capture_.gains.empty()) divide(picture->rgb, capture_.gains[index]);
     if (frame.mask) {
         Image mask = readMask(*frame.mask);
         require(*frame.mask, mask);

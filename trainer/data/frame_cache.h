@@ -17,7 +17,7 @@ namespace doppel {
 // 8-bit, rows from the top.
 struct Picture {
     int width = 0, height = 0;
-    std::vector<uint8_t> rgb;   // [H][W][3], sRGB-encoded
+    std::vector<uint8_t> rgb;   // [H][W][3], sRGB-encoded, divided by the frame's gain
     std::vector<uint8_t> mask;  // [H][W], 255 the person, 0 not; empty where the frame has none
 };
 

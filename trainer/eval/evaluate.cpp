@@ -56,6 +56,18 @@ private:
     std::vector<float> clean_;
 };
 
+Capture withoutGains(Capture capture) {
+    capture.gains.clear();
+    return capture;
+}
+
+void applyGain(Drawing& drawing, const Gain& gain) {
+    for (size_t i = 0; i < drawing.rgb.size(); ++i) {
+        const float most = static_cast<float>(drawing.mask[i / 3]) / 255;  // weighted by coverage
+        drawing.rgb[i] = std::min(drawing.rgb[i] * gain[i % 3], most);
+    }
+}
+
 // Where the body's head is seen, and a few pixels around it.
 PixelRect headRect(const BodyModel& body, const PosedMesh& posed, const Camera& camera) {
     constexpr double kAround = 3;
@@ -132,8 +144,9 @@ Evaluation evaluateCapture(Device& device, const Avatar& avatar, const Capture& 
                            const EvaluateSettings& settings) {
     capture.requireMasks();
     const std::filesystem::path& pictures = settings.pictures;
-    FrameCache frames(capture);
-    const Capture& whole = settings.plateOf ? *settings.plateOf : capture;
+    const Capture asRecorded = withoutGains(capture);
+    FrameCache frames(asRecorded);
+    const Capture& whole = settings.plateOf ? *settings.plateOf : asRecorded;
     std::optional<Background> background;
     {
         FrameCache wholeFrames(whole);
@@ -162,6 +175,7 @@ Evaluation evaluateCapture(Device& device, const Avatar& avatar, const Capture& 
         auto picture = frames.load(i);
         int w = frame.camera.width, h = frame.camera.height;
         Drawing drawing = renderer.take();
+        if (!capture.gains.empty()) applyGain(drawing, capture.gains[i]);
         std::vector<float> render =
             composite(drawing.rgb, drawing.mask, background->behind(*picture));
         std::vector<float> target(picture->rgb.size());
@@ -220,8 +234,11 @@ Evaluation evaluateCapture(Device& device, const Avatar& avatar, const Capture& 
         result.change /= static_cast<double>(changes);
         result.changeOfFrames /= static_cast<double>(changes);
     }
-    if (capture.size() > 0)
-        result.changeHeldStill = greatestDifference(renderer.take().rgb, firstRender);
+    if (capture.size() > 0) {
+        Drawing again = renderer.take();
+        if (!capture.gains.empty()) applyGain(again, capture.gains[0]);
+        result.changeHeldStill = greatestDifference(again.rgb, firstRender);
+    }
     if (settings.videoFeatures) {
         result.realClips = clipFeatures(*settings.videoFeatures, realVideo);
         result.renderedClips = clipFeatures(*settings.videoFeatures, renderedVideo);

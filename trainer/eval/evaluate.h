@@ -1,7 +1,8 @@
 // How well an avatar shows a capture's frames.
 //
 // The paper's protocol: the avatar in each frame's pose, through the frame's camera and at its
-// resolution, over the frame's background, compared with the whole real frame.
+// resolution, over the frame's background, compared with the whole real frame. Where the frame's
+// gain is known (Capture::gains), the render has it.
 #pragma once
 
 #include <filesystem>

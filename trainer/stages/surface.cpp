@@ -36,6 +36,16 @@ void takeRows(Capture& capture, const std::vector<float>& rows) {
     }
 }
 
+// What training found of the frames' gains, on top of those that FrameCache took out.
+void takeGains(Capture& capture, const std::vector<float>& found) {
+    if (found.empty()) return;
+    capture.gains.resize(capture.size(), {1, 1, 1});
+    for (size_t i = 0; i < found.size(); ++i) {
+        float& gain = capture.gains[i / 3][i % 3];
+        gain = std::clamp(gain * found[i], kLeastGain, kMostGain);
+    }
+}
+
 // The preset with crops no larger than frames are: a crop has the frame's own pixels where it can
 // (trainer/stages/training_frames.h), and beyond the frame there is nothing to learn.
 SurfacePreset fitting(SurfacePreset preset, const Capture& capture) {
@@ -119,6 +129,7 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
     if (run.movesOffsets) loop.trained.emplace_back("offsets", &state.offsets);
     if (coloured && run.movesTexels) loop.trained.emplace_back("texels", &state.texels);
     if (!state.light.entries().empty()) loop.trained.emplace_back("light", &state.light);
+    if (!state.gains.entries().empty()) loop.trained.emplace_back("gains", &state.gains);
     loop.frameName = [&](size_t frame) { return capture.frames[frame].name; };
     loop.draw = [&] {
         std::vector<size_t> drawn = sampler.next(preset.batch);
@@ -170,6 +181,7 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
     if (run.picture) loop.picture = [&] { run.picture(result()); };
     if (!loop.run(run.loop)) return std::nullopt;
     takeRows(capture, state.poses());
+    takeGains(capture, state.gainValues());
     return result();
 }
 

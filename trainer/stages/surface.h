@@ -30,7 +30,8 @@ struct SurfaceRun {
     // Draws the present state; may be empty.
     std::function<void(const SurfaceResult&)> picture = {};
 };
-// Replaces capture.theta and trans. Nothing where the run only profiled. The frames need masks.
+// Replaces capture.theta and trans, and gains where they are learned. Nothing where the run only
+// profiled. The frames need masks.
 std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, Capture& capture,
                                         const SurfaceRun& run);
 
@@ -40,7 +41,7 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
 FitResult fitPosesToMasks(Device& device, const Avatar& avatar, Capture& capture, uint64_t seed);
 
 // From there on by the colours of the pictures as well, with the coarse texture and without the
-// networks. Replaces capture.theta and trans.
+// networks. Replaces capture.theta and trans, and gains where the avatar was trained with them.
 void fitPosesToPictures(Device& device, const Avatar& avatar, Capture& capture, uint64_t seed);
 
 }  // namespace doppel

@@ -177,21 +177,11 @@ public:
         forgetFolder();
     }
 
-    // The capture as stage "fit" leaves it.
-    void writePoses(const Capture& capture) const {
-        if (!settings_.keeps()) return;
-        writeNpz(folder() / "poses.npz", posesArrays(capture.theta, capture.trans, capture.betas),
-                 false);
+    // The capture as the stage before leaves it.
+    void keepPoses(const Capture& capture) const {
+        if (settings_.keeps()) writeNpz(folder() / "poses.npz", posesOf(capture), false);
     }
-    void readPoses(Capture& capture) const {
-        Motion poses = readMotion(folder() / "poses.npz");
-        if (poses.size() != capture.size())
-            throwInput("{}: expected {} poses, as many as the capture has frames, found {}",
-                       (folder() / "poses.npz").string(), capture.size(), poses.size());
-        capture.theta = poses.theta;
-        capture.trans = poses.trans;
-        capture.betas = poses.betas;
-    }
+    void takeKeptPoses(Capture& capture) const { takePoses(folder() / "poses.npz", capture); }
 
 private:
     std::filesystem::path folder() const { return settings_.out / "checkpoints"; }
@@ -238,7 +228,7 @@ void trainStages(Device& device, TrainResult& result, const TrainSettings& setti
     for (const Stage& stage : allStages()) {
         if (!run.wants(stage.name)) continue;
         if (run.isDone(stage.name)) {
-            if (stage.movesPoses) run.readPoses(result.capture);
+            if (stage.movesPoses) run.takeKeptPoses(result.capture);
             continue;
         }
         // The former results of this stage and of all after it play no part any more, whatever
@@ -250,7 +240,7 @@ void trainStages(Device& device, TrainResult& result, const TrainSettings& setti
             }
         if (!stage.movesPoses) result.capture.betas = result.avatar.betas;
         stage.train(device, result, settings);
-        if (stage.movesPoses) run.writePoses(result.capture);
+        if (stage.movesPoses) run.keepPoses(result.capture);
         run.finish(stage.name, result.avatar);
     }
     result.capture.betas = result.avatar.betas;
