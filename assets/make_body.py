@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
+from scipy.spatial import ConvexHull, cKDTree
 
 import preview
 import simplify
@@ -31,6 +31,9 @@ SEED = 7
 LEFT_EYE = (.03, .455)  # x and y of its middle, m
 EYE_BULGE = .0025  # m, of the eyeball before its lids' rims
 EYE_TEXELS = .3  # of the size on the atlas that the ground of a socket had
+TOES_FROM = .095  # z of where toes part, m
+TOE_ROUNDS = 30
+TOE_IMPORTANCE = .1
 VERTEX_STEP = 2. ** -22
 SHAPE_STEP = 2. ** -17
 
@@ -140,6 +143,8 @@ class Body:
         vertices, trunk and limbs are coarse already."""
         importance = np.where(self.visible(), 1, HIDDEN_IMPORTANCE)
         importance = np.where(self.face, FACE_IMPORTANCE, 1) * importance
+        toes = np.isin(self.part, (11, 12)) & (self.template[:, 2] > TOES_FROM)
+        importance = np.where(toes, TOE_IMPORTANCE, 1) * importance
         return simplify.collapse(self.template, self.faces, self.uvs, self.uv_faces, self.twin,
                                  np.isin(self.part, (1, 11, 12, 13, 14)), importance,
                                  LIGHT_VERTICES)
@@ -210,6 +215,34 @@ class Body:
                 centre = self.uvs[chart].mean(0)
                 self.uvs[chart] = centre + EYE_TEXELS * (self.uvs[chart] - centre)
 
+    def close_toes(self):
+        """Lets toes swell until they touch and the forefoot is as full as its convex hull: most
+        people wear shoes, and gaps between toes would be dents in them."""
+        left = np.flatnonzero((self.part == 11) & (self.template[:, 2] > TOES_FROM - .02))
+        faces = self.faces[np.isin(self.faces, left).all(1)]
+        toes = left[self.template[left, 2] > TOES_FROM]
+        hull = ConvexHull(self.template[toes]).equations  # n, d with n x + d <= 0 inside
+        start = self.template.copy()
+        inner = np.clip((start[toes, 2] - TOES_FROM) / .015, 0, 1)  # grows from nothing
+        share = neighbours(self.faces, toes, len(start))
+        for _ in range(TOE_ROUNDS):
+            normals = preview.vertex_normals(self.template, self.faces)[toes]
+            at = self.template[toes]
+            slope = normals @ hull[:, :3].T
+            room = -(at @ hull[:, :3].T + hull[:, 3])
+            way = np.where(slope > 1e-3, room / np.maximum(slope, 1e-3), np.inf).min(1)
+            way = np.minimum(np.maximum(way, 0), .45 * first_hit(at, normals, self.template[faces]))
+            moved = self.template.copy()
+            moved[toes] += .5 * (inner * np.minimum(way, .004))[:, None] * normals
+            change = moved - start
+            change[toes] = .8 * change[toes] + .2 * (share @ change)  # evenly
+            self.template = start + change
+        change = self.template[toes] - start[toes]
+        for vertices in (self.template, self.samples):
+            if vertices is self.samples:
+                vertices[:, toes] += change
+            vertices[..., self.twin[toes], :] = vertices[..., toes, :] * (-1, 1, 1)
+
     def arrays(self, kept, faces, uv_faces):
         """The npz of the mesh on the kept vertices."""
         new_id = np.full(BODY_VERTICES, -1, np.int32)
@@ -234,6 +267,32 @@ class Body:
             'sole_mask': self.sole[kept].astype(np.uint8),
             'full_vertex': kept.astype(np.int32),
         }
+
+
+def neighbours(faces, chosen, count):
+    """[chosen, count] the mean over a vertex's neighbours."""
+    pairs = np.concatenate([faces[:, [a, b]] for a in range(3) for b in range(3) if a != b])
+    pairs = np.unique(pairs, axis=0)
+    matrix = coo_matrix((np.ones(len(pairs)), pairs.T), (count, count)).tocsr()[chosen]
+    return matrix.multiply(1 / matrix.sum(1)).tocsr()
+
+
+def first_hit(origins, directions, triangles):
+    """How far from each origin its ray meets a triangle [F, 3, 3]; infinite where it meets none."""
+    a, u, v = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    result = np.full(len(origins), np.inf)
+    for i, (o, d) in enumerate(zip(origins, directions)):
+        p = np.cross(d, v)
+        scale = (u * p).sum(1)
+        scale = np.where(np.abs(scale) < 1e-15, np.nan, scale)
+        s = o - a
+        q = np.cross(s, u)
+        b, c, t = (s * p).sum(1) / scale, q @ d / scale, (v * q).sum(1) / scale
+        with np.errstate(invalid='ignore'):
+            met = (b >= 0) & (c >= 0) & (b + c <= 1) & (t > 1e-5)
+        if met.any():
+            result[i] = t[met].min()
+    return result
 
 
 def connected(faces, count):
@@ -325,6 +384,7 @@ def main():
     print('variance explained:', ' '.join(f'{x:.3f}' for x in body.explained[:SHAPES]))
     folder = Path(__file__).parent / 'body'
     folder.mkdir(exist_ok=True)
+    body.close_toes()
     meshes = {'default': body.lighter(),
               'default-full': (np.arange(BODY_VERTICES), body.faces, body.uv_faces)}
     body.fill_eyes()
