@@ -62,9 +62,10 @@ std::string clockText(double seconds) {
 
 // ---- progress -----------------------------------------------------------------------------------
 
-Progress::Progress(std::string what, int64_t total)
+Progress::Progress(std::string what, int64_t total, double quiet)
     : what_(std::move(what)),
       total_(total),
+      quiet_(quiet),
       terminal_(isatty(STDERR_FILENO) == 1),
       start_(Clock::now()),
       lastPrint_(start_) {}
@@ -99,6 +100,7 @@ void Progress::update(int64_t done, const Values& values) {
         if (done > 1) start_ = now;
     }
     done_ = done;
+    if (secondsBetween(start_, now) < quiet_) return;
     last_ = line(done, values, secondsBetween(start_, now));
     printed_ = false;
     const double wait = terminal_ ? .1 : 10;

@@ -29,6 +29,9 @@ bool interrupted();
 // 128 and the first signal's number, as shells have it: 130 for Ctrl-C.
 int interruptStatus();
 
+// Seconds of Progress::quiet, for what is short but of long recordings.
+inline constexpr double kQuiet = 3;
+
 // One line that is rewritten on a terminal; a line every ten seconds, and the last, where stderr is
 // a file or a pipe.
 //
@@ -39,7 +42,8 @@ class Progress {
 public:
     using Values = std::vector<std::pair<std::string, double>>;
 
-    Progress(std::string what, int64_t total);
+    // Of what takes fewer seconds than `quiet` nothing is said.
+    Progress(std::string what, int64_t total, double quiet = 0);
     ~Progress();  // leaves the last line on the terminal
     Progress(const Progress&) = delete;
     Progress& operator=(const Progress&) = delete;
@@ -56,6 +60,7 @@ private:
 
     std::string what_;
     int64_t total_, done_ = 0, first_ = -1;  // first: where a resumed run began
+    double quiet_;
     bool terminal_;
     std::chrono::steady_clock::time_point start_, lastPrint_;
     std::string last_;

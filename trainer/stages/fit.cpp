@@ -8,6 +8,7 @@
 #include "nn/ops/fit.h"
 #include "nn/steps/fit_step.h"
 #include "trainer/data/body_render.h"
+#include "trainer/data/progress.h"
 #include "trainer/data/shared_work.h"
 #include "trainer/eval/metrics.h"
 #include "trainer/person/heads.h"
@@ -103,6 +104,7 @@ std::vector<double> silhouetteIous(Device& device, const BodyModel& body, const 
     for (size_t i = 0; i < capture.size(); ++i)
         if (isMine(ranks, i)) mine.push_back(i);
     std::vector<double> ious;
+    Progress progress("silhouettes", static_cast<int64_t>(mine.size()), kQuiet);
     inParallel(
         mine.size(), [&](size_t k) { return frames.load(mine[k]); },
         [&](size_t k, const std::shared_ptr<const Picture>& picture) {
@@ -110,6 +112,7 @@ std::vector<double> silhouetteIous(Device& device, const BodyModel& body, const 
             PosedMesh posed = poser.pose(capture.theta[i], capture.trans[i], capture.betas);
             ious.push_back(intersectionOverUnion(drawer.mask(posed.verts, capture.frames[i].camera),
                                                  picture->mask));
+            progress.update(static_cast<int64_t>(k) + 1);
         });
     return ofAllRanks(ranks, capture.size(), ious);
 }

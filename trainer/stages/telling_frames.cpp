@@ -148,12 +148,14 @@ std::vector<size_t> tellingFrames(const Capture& capture, FrameCache& cache, siz
     // Each of them is decoded once.
     std::map<size_t, double> sharp;
     for (size_t middle : taken) {
+        const std::vector<size_t> alike = neighbours(middle);
+        if (alike.empty()) continue;
         sharp[middle] = 0;
-        for (size_t other : neighbours(middle)) sharp[other] = 0;
+        for (size_t other : alike) sharp[other] = 0;
     }
     std::vector<size_t> looked;
     for (const auto& [frame, unknown] : sharp) looked.push_back(frame);
-    Progress progress("choosing frames", static_cast<int64_t>(looked.size()));
+    Progress progress("choosing frames", static_cast<int64_t>(looked.size()), kQuiet);
     shareWork(
         ranks, looked.size(),
         [&](size_t k) {
@@ -172,6 +174,7 @@ std::vector<size_t> tellingFrames(const Capture& capture, FrameCache& cache, siz
         size_t best = frame;
         for (size_t other : neighbours(frame))
             if (!chosen[other] && sharp[other] > sharp[best]) best = other;
+        if (best == frame) continue;
         chosen[frame] = false;
         chosen[best] = true;
         frame = best;

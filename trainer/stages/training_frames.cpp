@@ -10,6 +10,7 @@
 
 #include <glm/gtc/quaternion.hpp>
 
+#include "trainer/data/progress.h"
 #include "trainer/data/shared_work.h"
 #include "trainer/stages/rim.h"
 
@@ -107,7 +108,9 @@ TrainingFrames::TrainingFrames(Device& device, const BodyModel& body, const Capt
         }
         return packed(kept, parts);
     };
-    auto take = [&](size_t, std::span<const uint8_t> bytes) {
+    Progress progress("crops", static_cast<int64_t>(capture.size()), kQuiet);
+    auto take = [&](size_t i, std::span<const uint8_t> bytes) {
+        progress.update(static_cast<int64_t>(i) + 1);
         KeptFrame kept;
         std::memcpy(&kept, bytes.data(), sizeof(kept));
         cameras_.push_back(kept.camera);
