@@ -143,7 +143,7 @@ class Body:
         vertices, trunk and limbs are coarse already."""
         importance = np.where(self.visible(), 1, HIDDEN_IMPORTANCE)
         importance = np.where(self.face, FACE_IMPORTANCE, 1) * importance
-        toes = np.isin(self.part, (11, 12)) & (self.template[:, 2] > TOES_FROM)
+        toes = np.isin(self.part, (11, 12)) & (self.template[:, 2] > TOES_FROM) & ~self.sole
         importance = np.where(toes, TOE_IMPORTANCE, 1) * importance
         return simplify.collapse(self.template, self.faces, self.uvs, self.uv_faces, self.twin,
                                  np.isin(self.part, (1, 11, 12, 13, 14)), importance,
@@ -233,7 +233,8 @@ class Body:
             way = np.where(slope > 1e-3, room / np.maximum(slope, 1e-3), np.inf).min(1)
             way = np.minimum(np.maximum(way, 0), .45 * first_hit(at, normals, self.template[faces]))
             moved = self.template.copy()
-            moved[toes] += .5 * (inner * np.minimum(way, .004))[:, None] * normals
+            beside = np.clip(1 + 2 * normals[:, 1], 0, 1)  # soles stay where they are
+            moved[toes] += .5 * (inner * beside * np.minimum(way, .004))[:, None] * normals
             change = moved - start
             change[toes] = .8 * change[toes] + .2 * (share @ change)  # evenly
             self.template = start + change

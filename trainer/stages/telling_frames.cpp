@@ -148,10 +148,8 @@ std::vector<size_t> tellingFrames(const Capture& capture, FrameCache& cache, siz
     // Each of them is decoded once.
     std::map<size_t, double> sharp;
     for (size_t middle : taken) {
-        const std::vector<size_t> alike = neighbours(middle);
-        if (alike.empty()) continue;
         sharp[middle] = 0;
-        for (size_t other : alike) sharp[other] = 0;
+        for (size_t other : neighbours(middle)) sharp[other] = 0;
     }
     std::vector<size_t> looked;
     for (const auto& [frame, unknown] : sharp) looked.push_back(frame);
@@ -174,7 +172,6 @@ std::vector<size_t> tellingFrames(const Capture& capture, FrameCache& cache, siz
         size_t best = frame;
         for (size_t other : neighbours(frame))
             if (!chosen[other] && sharp[other] > sharp[best]) best = other;
-        if (best == frame) continue;
         chosen[frame] = false;
         chosen[best] = true;
         frame = best;
