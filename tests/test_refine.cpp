@@ -37,7 +37,7 @@ Preset tinyPreset() {
     preset.refine.width = 4;
     preset.refine.discriminatorWidth = 2;
     preset.refine.faceSize = 16;
-    preset.refine.steps = 60;
+    preset.refine.steps = 120;
     preset.refine.lr = 2e-3;
     preset.refine.lrDiscriminator = 2e-4;
     return preset;
@@ -97,7 +97,7 @@ TEST_F(Refine, IsCloserToTheFramesThanTheCoarseTexture) {
     EXPECT_EQ(header,
               "step,loss,reconstruction,misaligned,gan_image,gan_face,discriminator_image,"
               "discriminator_face");
-    EXPECT_EQ(std::count(std::istreambuf_iterator<char>(curve), {}, '\n'), 60);
+    EXPECT_EQ(std::count(std::istreambuf_iterator<char>(curve), {}, '\n'), 120);
 }
 
 TEST_F(Refine, APoseHeldStillDoesNotFlicker) {
