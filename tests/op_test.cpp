@@ -203,17 +203,31 @@ void expectInputError(const std::function<void()>& run, const std::string& words
     }
 }
 
-// By precision. main() destroys them: newer validation layers do not outlive it, as statics would.
+// By precision, and by rank. main() destroys them: newer validation layers do not outlive it, as
+// statics would.
 static std::map<Precision, std::unique_ptr<Device>> devices;
+static std::vector<std::unique_ptr<Device>> devicesOfRanks;
+
+// A missing device throws, and that fails the test.
+static std::unique_ptr<Device> makeDevice(Precision precision) {
+    const char* name = std::getenv("DOPPEL_DEVICE");
+    return std::make_unique<Device>(
+        DeviceOptions{.name = name ? name : "", .precision = precision});
+}
 
 Device& testDevice(Precision precision) {
     std::unique_ptr<Device>& device = devices[precision];
-    // A missing device throws, and that fails the test.
-    const char* name = std::getenv("DOPPEL_DEVICE");
-    if (!device)
-        device = std::make_unique<Device>(
-            DeviceOptions{.name = name ? name : "", .precision = precision});
+    if (!device) device = makeDevice(precision);
     return *device;
+}
+
+std::vector<Device*> rankDevices(int count) {
+    while (devicesOfRanks.size() < static_cast<size_t>(count))
+        devicesOfRanks.push_back(makeDevice(Precision::Single));
+    std::vector<Device*> found;
+    for (int rank = 0; rank < count; ++rank)
+        found.push_back(devicesOfRanks[static_cast<size_t>(rank)].get());
+    return found;
 }
 
 }  // namespace doppel
@@ -235,6 +249,7 @@ int main(int argc, char** argv) {
     setenv("DOPPEL_MATRIX_UNITS", "emulated", 0);
     testing::UnitTest::GetInstance()->listeners().Append(new doppel::ValidationIsSilent);
     int failed = RUN_ALL_TESTS();
+    doppel::devicesOfRanks.clear();
     doppel::devices.clear();
     if (coverage && failed == 0) writeCoverage(coverage);
     return failed;

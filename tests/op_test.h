@@ -69,4 +69,10 @@ double relativeError(const std::vector<double>& a, const std::vector<double>& b,
 // the test.
 Device& testDevice(Precision precision = Precision::Single);
 
+// Devices of their own for `count` ranks that are threads of this process. The validation layer
+// looks a device up in a map that it does not lock (1.3.239: GetLayerDataPtr), so a device must not
+// be made or destroyed while another thread works with one: these are made here, one after
+// another, and live as long as testDevice().
+std::vector<Device*> rankDevices(int count);
+
 }  // namespace doppel

@@ -81,12 +81,11 @@ TEST(Ranks, PartsOfABatchAreItsOwnOrder) {
 struct Small {
     static constexpr int64_t kImages = 4, kChannels = 3;
     int64_t side;
-    Device device;
     Parameters net, statistics;
-    Graph graph{device};
+    Graph graph;
     Tensor x, y;
 
-    Small(Ranks* ranks, int64_t side_) : side(side_) {
+    Small(Device& device, Ranks* ranks, int64_t side_) : side(side_), graph(device) {
         auto add = [&](const char* name, Shape shape, uint32_t seed) {
             const auto count = static_cast<size_t>(elementCount(shape));
             net.add(name, std::move(shape), noise(count, seed));
@@ -150,15 +149,15 @@ double farthest(const std::vector<float>& a, const std::vector<float>& b) {
 // Sums of blocks, of strides and of whole channels, by the picture's size.
 TEST(Ranks, ASplitBatchIsNormalisedDroppedAndLearntFromAsAWhole) {
     for (int64_t side : {12, 64, 256}) {
-        Small whole(nullptr, side);
+        Small whole(testDevice(), nullptr, side);
         const std::vector<float> before = whole.values();
         whole.steps(nullptr);
         const std::vector<float> expected = whole.values();
         ASSERT_GT(farthest(before, expected), .02) << "three steps move it";
         for (int count : {2, 4}) {
             std::vector<std::vector<float>> found(static_cast<size_t>(count)), outputs(found);
-            ThreadRanks::run(count, [&](Ranks& ranks) {
-                Small part(&ranks, side);
+            ThreadRanks::run(count, [&](Ranks& ranks, Device& device) {
+                Small part(device, &ranks, side);
                 part.steps(&ranks);
                 found[static_cast<size_t>(ranks.rank())] = part.values();
                 outputs[static_cast<size_t>(ranks.rank())] = part.graph.read(part.y);
@@ -174,11 +173,11 @@ TEST(Ranks, ASplitBatchIsNormalisedDroppedAndLearntFromAsAWhole) {
 
 // Without the others' sums the same network learns something else: what the test above sees.
 TEST(Ranks, PartsThatDoNotShareLearnOtherThings) {
-    Small whole(nullptr, 12);
+    Small whole(testDevice(), nullptr, 12);
     whole.steps(nullptr);
     std::vector<float> alone;
-    ThreadRanks::run(2, [&](Ranks& ranks) {
-        Small part(&ranks, 12);
+    ThreadRanks::run(2, [&](Ranks& ranks, Device& device) {
+        Small part(device, &ranks, 12);
         ranks.barrier();
         if (ranks.rank() == 0) alone = part.values();
     });
@@ -201,7 +200,7 @@ Preset sharedPreset() {
 }
 
 // In `out`, on top of what is there.
-void train(const fs::path& capture, const fs::path& out, Ranks* ranks,
+void train(Device& device, const fs::path& capture, const fs::path& out, Ranks* ranks,
            const std::vector<std::string>& stages,
            const std::function<void(TrainSettings&)>& change = {}) {
     Avatar avatar;
@@ -218,7 +217,6 @@ void train(const fs::path& capture, const fs::path& out, Ranks* ranks,
     settings.pictureSeconds = 0;
     settings.ranks = ranks;
     if (change) change(settings);
-    Device device;
     trainAvatar(device, std::move(avatar), readCapture(capture), settings);
 }
 
@@ -227,7 +225,7 @@ protected:
     static void SetUpTestSuite() {
         folder_ = std::make_unique<Folder>();
         tinyCapture(capture());
-        train(capture(), *folder_ / "base", nullptr, stageNames());
+        train(testDevice(), capture(), *folder_ / "base", nullptr, stageNames());
     }
     static void TearDownTestSuite() { folder_.reset(); }
     static fs::path capture() { return *folder_ / "capture"; }
@@ -241,9 +239,9 @@ protected:
                                   const fs::path& out) {
         catchInterrupts();
         std::atomic<int> stopped = 0;
-        ThreadRanks::run(count, [&](Ranks& ranks) {
+        ThreadRanks::run(count, [&](Ranks& ranks, Device& device) {
             try {
-                train(capture(), out, count > 1 ? &ranks : nullptr, {stage},
+                train(device, capture(), out, count > 1 ? &ranks : nullptr, {stage},
                       [&](TrainSettings& settings) {
                           settings.afterStep = [&](const std::string&, int64_t done) {
                               if (done == steps && ranks.rank() == count - 1) raise(SIGINT);
@@ -303,8 +301,8 @@ TEST_F(SharedTraining, AllRanksEndWithTheSameAvatarAndOthersGoOn) {
     fs::copy(*folder_ / "left", *folder_ / "left4", fs::copy_options::recursive);
     for (const auto& [name, count] : {std::pair{"left", 1}, {"left4", 4}}) {
         const fs::path out = *folder_ / name;
-        ThreadRanks::run(count, [&](Ranks& ranks) {
-            train(capture(), out, count > 1 ? &ranks : nullptr, {"mesh"},
+        ThreadRanks::run(count, [&](Ranks& ranks, Device& device) {
+            train(device, capture(), out, count > 1 ? &ranks : nullptr, {"mesh"},
                   [](TrainSettings& settings) { settings.resume = true; });
         });
         EXPECT_FALSE(fs::exists(out / "checkpoints"));
@@ -319,7 +317,9 @@ TEST_F(SharedTraining, AllRanksEndWithTheSameAvatarAndOthersGoOn) {
     std::vector<std::string> bits;
     for (const char* name : {"again", "andAgain"}) {
         const fs::path out = *folder_ / name;
-        ThreadRanks::run(2, [&](Ranks& ranks) { train(capture(), out, &ranks, stageNames()); });
+        ThreadRanks::run(2, [&](Ranks& ranks, Device& device) {
+            train(device, capture(), out, &ranks, stageNames());
+        });
         EXPECT_TRUE(fs::exists(out / "preview.png"));
         std::string all;
         for (const char* file :

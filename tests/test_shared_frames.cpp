@@ -99,8 +99,7 @@ protected:
             std::vector<std::vector<float>> found(static_cast<size_t>(count)), again(found);
             const uint64_t start = FrameCache::decoded();
             auto run = [&](std::vector<std::vector<float>>& to) {
-                ThreadRanks::run(count, [&](Ranks& ranks) {
-                    Device device;
+                ThreadRanks::run(count, [&](Ranks& ranks, Device& device) {
                     FrameCache own(capture_);
                     to[static_cast<size_t>(ranks.rank())] = find(device, own, &ranks);
                 });

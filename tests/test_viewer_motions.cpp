@@ -1,4 +1,6 @@
 // Motions, keys, films, exports, and an avatar in training.
+#include <thread>
+
 #include "engine/error.h"
 #include "engine/io/video.h"
 #include "tests/viewer_test.h"
@@ -477,6 +479,21 @@ TEST_F(ViewerTest, SaysHowFarATrainingIs) {
     writeStageRecord(folder, {"texture", "a device", 5, 0, seconds});
     ASSERT_TRUE(showsAStep(0));
     EXPECT_EQ(viewer.trainingLines()[1], "before its first step");
+
+    // Between two stages the one that ended stays, until the run ends.
+    const fs::path texture = folder / "log/losses_texture.csv";
+    std::ofstream(texture) << "step,loss\n0,1\n1,1\n2,1\n3,1\n4,1\n";
+    ASSERT_TRUE(showsAStep(5));
+    writeRunRecord(folder, {{{"preset", "ci"}}, {"texture"}});
+    fs::remove(folder / "checkpoints/stage.toml");
+    std::this_thread::sleep_for(std::chrono::milliseconds(600));  // it reads twice a second
+    turn(3);
+    ASSERT_FALSE(viewer.trainingLines().empty());
+    EXPECT_EQ(viewer.trainingLines()[0], "stage texture: step 5 of 5; preparing what follows");
+    fs::remove(folder / "checkpoints/run.toml");
+    for (int i = 0; i < 2000 && !viewer.trainingLines().empty(); ++i) viewer.frame();
+    EXPECT_TRUE(viewer.trainingLines().empty());
+
     // A name that leads elsewhere, where there is such a file.
     std::ofstream(folder / "elsewhere.csv") << rows;
     fs::create_directory(folder / "log/losses_");

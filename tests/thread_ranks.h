@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "nn/core/ranks.h"
+#include "tests/op_test.h"
 
 namespace doppel::test {
 
@@ -32,6 +33,13 @@ public:
         threads.clear();
         for (const std::exception_ptr& error : errors)
             if (error) std::rethrow_exception(error);
+    }
+
+    // The same, each with a device of its own.
+    static void run(int count, const std::function<void(Ranks&, Device&)>& work) {
+        const std::vector<Device*> devices = rankDevices(count);
+        run(count,
+            [&](Ranks& ranks) { work(ranks, *devices[static_cast<size_t>(ranks.rank())]); });
     }
 
     int rank() const override { return rank_; }

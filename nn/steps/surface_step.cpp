@@ -110,12 +110,12 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
     }
     const Tensor albedo = look.texture;
     std::optional<CaptureLight> light;
+    std::vector<float> fixedLight = start.light;
+    if (movesGains) fixedLight.resize(kLightNumbers);  // even without: gains act where a light does
     if (movesLight)
         light.emplace(graph, body, faces, texture, graph.parameter(state.light, "light"));
-    else if (coloured && movesGains && start.light.empty())
-        light.emplace(graph, body, faces, texture, std::vector<float>(kLightNumbers));
     else if (coloured)
-        light.emplace(graph, body, faces, texture, start.light);
+        light.emplace(graph, body, faces, texture, fixedLight);
 
     constexpr uint32_t kFrameWord = offsetof(StepParams, frame) / 4;
     Tensor table = graph.attach(corrections.section(Parameters::kValues), {frames, kPoseRow});

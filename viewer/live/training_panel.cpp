@@ -54,6 +54,8 @@ std::vector<std::string> Viewer::trainingLines() const {
         fmt::format("stage {}: step {} of {}", stage.stage, training_.done(), stage.steps);
     if (training_.stands())
         line += fmt::format("; no step for {}", clockText(training_.secondsSinceStep()));
+    else if (training_.done() == stage.steps)
+        line += "; preparing what follows";
     else if (const auto left = training_.secondsLeft())
         line += fmt::format(", {} left", clockText(*left));
     lines.push_back(line);

@@ -42,6 +42,8 @@ bool TrainingWatch::update() {
     std::optional<StageRecord> stage;
     try {
         stage = readStageRecord(avatar_);
+        // Between its stages a run shows the last of them.
+        if (!stage && readRunRecord(avatar_)) stage = stage_;
     } catch (const std::exception&) {
     }
     const bool other = stage != stage_;

@@ -23,7 +23,7 @@ public:
     // something new. Files that are not ours, or are being written, count as none.
     bool update();
 
-    // Nothing where no stage is at its steps.
+    // The one at its steps, or whose steps were the last of a run that goes on; else nothing.
     const std::optional<StageRecord>& stage() const { return stage_; }
     int64_t done() const { return done_; }  // steps, with those before `stage()->first`
     // By the steps since the stage began here; nothing before there are two.
