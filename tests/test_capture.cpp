@@ -97,6 +97,14 @@ TEST(Capture, ReadsAnotherProgramsFolder) {
     EXPECT_EQ(picture->rgb.at(7), 5);
     EXPECT_EQ(picture->mask.at(11), 255);
     EXPECT_EQ(cache.load(5)->mask.at(11), 0);
+
+    // Who needs no colours decodes none, unless they are there.
+    FrameCache masks(capture);
+    EXPECT_TRUE(masks.loadMask(4)->rgb.empty());
+    EXPECT_EQ(masks.loadMask(4)->mask, picture->mask);
+    EXPECT_EQ(masks.load(4)->rgb, picture->rgb);
+    EXPECT_EQ(masks.load(4)->mask, picture->mask);
+    EXPECT_EQ(cache.loadMask(4), picture);
 }
 
 TEST(Capture, FoldsTheExtrinsicIntoThePoses) {

@@ -186,6 +186,12 @@ template <typename T>
 Image thresholdMask(const std::vector<T>& data, int width, int height, size_t channels,
                     T threshold) {
     Image mask(width, height, 1);
+    if (channels == 1) {  // most are, and this the compiler makes vectors of
+        std::ranges::transform(data, mask.data.begin(), [&](T value) {
+            return static_cast<uint8_t>(value > threshold ? 255 : 0);
+        });
+        return mask;
+    }
     const bool hasAlpha = channels == 2 || channels == 4;
     bool alphaVaries = false;
     if (hasAlpha) {
@@ -308,18 +314,17 @@ Image decodeMask(Bytes file, const std::string& name) {
     const Format& format = formatOf(file, name);
     checkWhole(format, file, name);
     const auto picture = pictureCodecs().open(format.plugin, name, file);
-    int width = picture->width, height = picture->height;
-    const size_t channels = static_cast<size_t>(picture->channels);
-    // In 16 bits or float, for a label of 1 in 65535 is still a label.
-    if (picture->floats) {
-        std::vector<float> data = readPixels<float>(*picture, name, file.size());
-        data = orient(std::move(data), width, height, channels, picture->orientation);
-        return thresholdMask(data, width, height, channels, format.lossy ? 0.5f : 0.0f);
-    }
-    std::vector<uint16_t> data = readPixels<uint16_t>(*picture, name, file.size());
-    data = orient(std::move(data), width, height, channels, picture->orientation);
-    return thresholdMask(data, width, height, channels,
-                         static_cast<uint16_t>(format.lossy ? 32767 : 0));
+    const auto above = [&]<typename T>(T threshold) {
+        int width = picture->width, height = picture->height;
+        const size_t channels = static_cast<size_t>(picture->channels);
+        std::vector<T> data = orient(readPixels<T>(*picture, name, file.size()), width, height,
+                                     channels, picture->orientation);
+        return thresholdMask(data, width, height, channels, format.lossy ? threshold : T(0));
+    };
+    // As they are stored, for a label of 1 in 65535 is still a label.
+    if (picture->floats) return above(0.5f);
+    if (picture->bytes) return above(uint8_t{127});
+    return above(uint16_t{32767});
 }
 
 Image readMask(const fs::path& path) {

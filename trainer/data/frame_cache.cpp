@@ -25,12 +25,16 @@ void divide(std::vector<uint8_t>& rgb, const Gain& gain) {
 FrameCache::FrameCache(const Capture& capture, size_t memoryBudget)
     : capture_(capture), budget_(memoryBudget) {}
 
-std::shared_ptr<const Picture> FrameCache::load(size_t index) {
+std::shared_ptr<const Picture> FrameCache::load(size_t frame) { return load(frame, true); }
+
+std::shared_ptr<const Picture> FrameCache::loadMask(size_t frame) { return load(frame, false); }
+
+std::shared_ptr<const Picture> FrameCache::load(size_t index, bool colours) {
     CHECK(index < capture_.size(), "frame {} is one of the capture's {}", index, capture_.size());
     {
         const std::lock_guard lock(mutex_);
         for (auto at = kept_.begin(); at != kept_.end(); ++at) {
-            if (at->first != index) continue;
+            if (at->first != index || (colours && at->second->rgb.empty())) continue;
             kept_.splice(kept_.begin(), kept_, at);
             return at->second;
         }
@@ -39,17 +43,19 @@ std::shared_ptr<const Picture> FrameCache::load(size_t index) {
     ++decoded_;
     const Frame& frame = capture_.frames[index];
     auto picture = std::make_shared<Picture>();
-    Image image = readImage(frame.image, 3);
     const auto require = [&](const fs::path& path, const Image& read) {
         if (read.width == frame.camera.width && read.height == frame.camera.height) return;
         throwInput("{}: expected {}×{} pixels, found {}×{}", path.string(), frame.camera.width,
                    frame.camera.height, read.width, read.height);
     };
-    require(frame.image, image);
-    picture->width = image.width;
-    picture->height = image.height;
-    picture->rgb = std::move(image.data);
-    if (!capture_.gains.empty()) divide(picture->rgb, capture_.gains[index]);
+    picture->width = frame.camera.width;
+    picture->height = frame.camera.height;
+    if (colours) {
+        Image image = readImage(frame.image, 3);
+        require(frame.image, image);
+        picture->rgb = std::move(image.data);
+        if (!capture_.gains.empty()) divide(picture->rgb, capture_.gains[index]);
+    }
     if (frame.mask) {
         Image mask = readMask(*frame.mask);
         require(*frame.mask, mask);

@@ -28,11 +28,15 @@ public:
     explicit FrameCache(const Capture& capture, size_t memoryBudget = size_t{512} << 20);
     // InputError where the file is cut short, or no longer what readCapture saw.
     std::shared_ptr<const Picture> load(size_t frame);
+    // The same for who needs no colours, in a fraction of the time: rgb may be empty.
+    std::shared_ptr<const Picture> loadMask(size_t frame);
 
     // Pictures that this process has decoded so far, by all caches.
     static uint64_t decoded() { return decoded_; }
 
 private:
+    std::shared_ptr<const Picture> load(size_t frame, bool colours);
+
     static inline std::atomic<uint64_t> decoded_ = 0;
     const Capture& capture_;
     size_t budget_, used_ = 0;

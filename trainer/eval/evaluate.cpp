@@ -269,7 +269,7 @@ std::vector<double> avatarIous(Device& device, const Avatar& avatar, const Captu
     for (size_t i = 0; i < capture.size(); ++i)
         ious.push_back(intersectionOverUnion(
             renderer.mask(capture.theta[i], capture.trans[i], capture.frames[i].camera),
-            frames.load(i)->mask));
+            frames.loadMask(i)->mask));
     return ious;
 }
 

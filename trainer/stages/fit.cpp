@@ -72,6 +72,31 @@ void unwrap(std::vector<Theta>& theta) {
     }
 }
 
+// Of a large frame silhouettes are compared in every n-th pixel of every n-th row: a thousand
+// frames of 4K took minutes, and a million pixels say as much.
+int pixelStep(const Camera& camera) {
+    constexpr int kLargest = 1536;
+    return (std::max(camera.width, camera.height) + kLargest - 1) / kLargest;
+}
+
+// The pixels step · i + step / 2 along both axes, as many as are whole.
+std::vector<uint8_t> pixelsOf(const Picture& picture, int step) {
+    std::vector<uint8_t> pixels;
+    for (int y = 0; y < picture.height / step; ++y)
+        for (int x = 0; x < picture.width / step; ++x)
+            pixels.push_back(picture.mask[static_cast<size_t>(step * y + step / 2) *
+                                              static_cast<size_t>(picture.width) +
+                                          static_cast<size_t>(step * x + step / 2)]);
+    return pixels;
+}
+
+// A pixel's centre is that of the one above.
+Camera cameraOfPixels(const Camera& camera, int step) {
+    const double shift = step % 2 == 0 ? .5 : 0;
+    return {camera.fx / step,           camera.fy / step,    (camera.cx - shift) / step,
+            (camera.cy - shift) / step, camera.width / step, camera.height / step};
+}
+
 double mean(const std::vector<double>& values) {
     return std::accumulate(values.begin(), values.end(), 0.0) /
            static_cast<double>(std::max<size_t>(1, values.size()));
@@ -106,12 +131,16 @@ std::vector<double> silhouetteIous(Device& device, const BodyModel& body, const 
     std::vector<double> ious;
     Progress progress("silhouettes", static_cast<int64_t>(mine.size()), kQuiet);
     inParallel(
-        mine.size(), [&](size_t k) { return frames.load(mine[k]); },
-        [&](size_t k, const std::shared_ptr<const Picture>& picture) {
+        mine.size(),
+        [&](size_t k) {
+            return pixelsOf(*frames.loadMask(mine[k]), pixelStep(capture.frames[mine[k]].camera));
+        },
+        [&](size_t k, const std::vector<uint8_t>& pixels) {
             const size_t i = mine[k];
+            const Camera& camera = capture.frames[i].camera;
             PosedMesh posed = poser.pose(capture.theta[i], capture.trans[i], capture.betas);
-            ious.push_back(intersectionOverUnion(drawer.mask(posed.verts, capture.frames[i].camera),
-                                                 picture->mask));
+            ious.push_back(intersectionOverUnion(
+                drawer.mask(posed.verts, cameraOfPixels(camera, pixelStep(camera))), pixels));
             progress.update(static_cast<int64_t>(k) + 1);
         });
     return ofAllRanks(ranks, capture.size(), ious);

@@ -145,12 +145,10 @@ std::vector<size_t> tellingFrames(const Capture& capture, FrameCache& cache, siz
         }
         return alike;
     };
-    // Each of them is decoded once.
+    // Each of them is decoded once, and none that no neighbour could replace.
     std::map<size_t, double> sharp;
-    for (size_t middle : taken) {
-        sharp[middle] = 0;
-        for (size_t other : neighbours(middle)) sharp[other] = 0;
-    }
+    for (size_t middle : taken)
+        for (size_t other : neighbours(middle)) sharp[middle] = sharp[other] = 0;
     std::vector<size_t> looked;
     for (const auto& [frame, unknown] : sharp) looked.push_back(frame);
     Progress progress("choosing frames", static_cast<int64_t>(looked.size()), kQuiet);
@@ -171,7 +169,7 @@ std::vector<size_t> tellingFrames(const Capture& capture, FrameCache& cache, siz
     for (size_t& frame : taken) {
         size_t best = frame;
         for (size_t other : neighbours(frame))
-            if (!chosen[other] && sharp[other] > sharp[best]) best = other;
+            if (!chosen[other] && sharp.at(other) > sharp.at(best)) best = other;
         chosen[frame] = false;
         chosen[best] = true;
         frame = best;

@@ -83,11 +83,12 @@ TrainingFrames::TrainingFrames(Device& device, const BodyModel& body, const Capt
         box.half *= options.margin;
         if (options.edges && 2 * box.half <= size) box = ownPixels(box, size);
     }
-    const int rim = rimBeforeScreen(capture, cache, options.rim, options.ranks);
+    const bool colours = options.colours || options.scene;
+    const int rim = rimBeforeScreen(capture, cache, colours ? options.rim : 0, options.ranks);
     auto make = [&](size_t i) {
         const Camera& camera = capture.frames[i].camera;
         const CropBox& box = boxes.at(i);
-        std::shared_ptr<const Picture> picture = cache.load(i);
+        std::shared_ptr<const Picture> picture = colours ? cache.load(i) : cache.loadMask(i);
         Crop cut;
         if (rim > 0) {
             Picture clean = *picture;

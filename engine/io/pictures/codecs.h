@@ -21,6 +21,7 @@ public:
     int width = 0, height = 0, channels = 0;  // as they are stored
     int orientation = 1;                      // EXIF's, 1 to 8
     bool floats = false;                      // samples are floating-point numbers
+    bool bytes = false;                       // samples are integers of 8 bits at most
     bool linear = false;                      // colours are linear light
     std::string software;                     // the text of this name, or nothing
 

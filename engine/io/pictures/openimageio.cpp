@@ -61,6 +61,7 @@ public:
         orientation = spec.get_int_attribute("Orientation", 1);
         if (orientation < 1 || orientation > 8) orientation = 1;
         floats = spec.format.is_floating_point();
+        bytes = spec.format == TypeDesc::UINT8;
         const std::string_view space(spec.get_string_attribute("oiio:ColorSpace").c_str());
         linear = std::strcmp(format, "openexr") == 0 || (space == "Linear" && floats);
         software = spec.get_string_attribute("Software");

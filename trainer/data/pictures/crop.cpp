@@ -126,7 +126,8 @@ Crop crop(const Picture& picture, const Camera& camera, const CropBox& box, int 
     const auto rows = tapsOf(box.centreY - box.half, step, size, picture.height);
     Crop result;
     result.camera = cropCamera(camera, box, size);
-    result.image = resample(picture.rgb, picture.width, 3, columns, rows);
+    if (!picture.rgb.empty())
+        result.image = resample(picture.rgb, picture.width, 3, columns, rows);
     result.inside.resize(size_t(size) * size_t(size));
     for (size_t y = 0; y < rows.size(); ++y) {
         for (size_t x = 0; x < columns.size(); ++x) {
