@@ -216,8 +216,8 @@ class Body:
                 self.uvs[chart] = centre + EYE_TEXELS * (self.uvs[chart] - centre)
 
     def close_toes(self):
-        """Lets toes swell until they touch and the forefoot is as full as its convex hull: most
-        people wear shoes, and gaps between toes would be dents in them."""
+        """Lets toes swell until they touch and the forefoot is as full as its convex hull, but
+        for its underside: most people wear shoes, and gaps between toes would be dents in them."""
         left = np.flatnonzero((self.part == 11) & (self.template[:, 2] > TOES_FROM - .02))
         faces = self.faces[np.isin(self.faces, left).all(1)]
         toes = left[self.template[left, 2] > TOES_FROM]
@@ -238,10 +238,8 @@ class Body:
             change = moved - start
             change[toes] = .8 * change[toes] + .2 * (share @ change)  # evenly
             self.template = start + change
-        change = self.template[toes] - start[toes]
+        self.samples[:, toes] += self.template[toes] - start[toes]
         for vertices in (self.template, self.samples):
-            if vertices is self.samples:
-                vertices[:, toes] += change
             vertices[..., self.twin[toes], :] = vertices[..., toes, :] * (-1, 1, 1)
 
     def arrays(self, kept, faces, uv_faces):
