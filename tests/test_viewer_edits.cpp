@@ -81,6 +81,14 @@ TEST_F(EditsTest, WhatIsEditedOverAMotionStays) {
     keyWith("Control_L", "y");
     EXPECT_EQ(viewer.timeline(), 20);
     EXPECT_EQ(viewer.editor().pose(), second);
+
+    // A key of the keyboard lets edits override the motion, and add to it again.
+    keyWith("Alt_L", "k");
+    EXPECT_EQ(viewer.editor().layer().blend, Layer::Blend::Override);
+    EXPECT_EQ(viewer.message(), "edits override the motion");
+    EXPECT_EQ(viewer.editor().pose(), second) << "where the edit is its own place";
+    keyWith("Alt_L", "k");
+    EXPECT_EQ(viewer.editor().layer().blend, Layer::Blend::Add);
 }
 
 TEST_F(EditsTest, SavesWhatIsSeenAndAsksBeforeItOverwrites) {

@@ -311,6 +311,7 @@ private:
     void frameAll();
     void frameSelected();
     void setKey();
+    void changeBlend();
     void copyCamera();
     void pasteCamera();
     void lookFrom(double yaw, double pitch);

@@ -55,6 +55,7 @@ constexpr std::array<ActionInfo, kActions> kAll{{
     {"next-key", kTime, "on to the next key"},
     {"key", kTime, "a key here; edits over a motion are keys of themselves"},
     {"remove-key", kTime, "take this frame's key away"},
+    {"blend", kTime, "edits add to the motion, or override it"},
     {"wireframe", kShow, "wireframe"},
     {"light", kShow, "light"},
     {"joints", kShow, "joints"},

@@ -53,6 +53,7 @@ enum class Action {
     NextKey,
     SetKey,
     RemoveKey,
+    Blend,
     Wireframe,
     Light,
     Joints,

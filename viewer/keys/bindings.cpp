@@ -20,7 +20,7 @@ constexpr uint64_t kLargestFile = uint64_t{1} << 20;
 constexpr size_t kMostChords = 16;  // of an action
 
 // What both have. Chords of an action are separated by two spaces.
-constexpr std::array<std::pair<Action, const char*>, 32> kCommon{{
+constexpr std::array<std::pair<Action, const char*>, 33> kCommon{{
     {Action::FrameAll, "Home"},
     {Action::Orthographic, "5  Numpad 5"},
     {Action::CaptureCamera, "0  Numpad 0"},
@@ -39,6 +39,7 @@ constexpr std::array<std::pair<Action, const char*>, 32> kCommon{{
     {Action::LastFrame, "Shift + right"},
     {Action::PreviousKey, "down"},
     {Action::NextKey, "up"},
+    {Action::Blend, "Alt + K"},
     {Action::Light, "L"},
     {Action::Compare, "B"},
     {Action::Open, "Ctrl + O"},

@@ -139,6 +139,8 @@ void Viewer::perform(Action action, int digit) {
         case Action::RemoveKey:
             editor_->removeKeyframe(std::floor(timeline_));
             break;
+        case Action::Blend:
+            return changeBlend();
         case Action::Wireframe:
             settings_.wireframe = !settings_.wireframe;
             break;
@@ -241,6 +243,13 @@ void Viewer::setKey() {
     const double now = std::floor(timeline_);
     editor_->setKeyframe(now);
     say(fmt::format("key at frame {:.0f}", now));
+}
+
+void Viewer::changeBlend() {
+    if (!motion()) return say("edits add to a motion or override it; there is none");
+    const bool adds = editor_->layer().blend == Layer::Blend::Add;
+    editor_->setBlend(adds ? Layer::Blend::Override : Layer::Blend::Add);
+    say(adds ? "edits override the motion" : "edits add to the motion");
 }
 
 void Viewer::copyCamera() {
