@@ -160,6 +160,19 @@ TEST_F(ViewerTest, RemembersItsPanelWhileTheMouseRests) {
     clickAt("normals");
     EXPECT_EQ(viewer.settings().paint, kPaintNormals) << "an open list";
 
+    // Escape closes a list, and only that.
+    const auto lists = [&](const char* row) {
+        return std::ranges::count(drawnItems(), row, &DrawnItem::label) > 0;
+    };
+    const std::optional<size_t> selected = viewer.selected();
+    clickAt("surface");
+    EXPECT_TRUE(lists("UV checker"));
+    screen_->key("Escape");
+    rest();
+    EXPECT_FALSE(lists("UV checker"));
+    EXPECT_EQ(viewer.settings().paint, kPaintNormals);
+    EXPECT_EQ(viewer.selected(), selected);
+
     clickAt("Files");
     clickAt("path");
     for (const char* key : {"w", "n", "h", "5"}) {

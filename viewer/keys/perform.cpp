@@ -1,6 +1,7 @@
 // What keys do.
 #include <GLFW/glfw3.h>
 #include <imgui.h>
+#include <imgui_internal.h>
 
 #include <algorithm>
 #include <cmath>
@@ -14,6 +15,14 @@ namespace {
 
 constexpr double kQuarter = std::numbers::pi / 2, kAbove = 1.55;
 constexpr double kStep = std::numbers::pi / 12, kZoomStep = .9;
+
+// A combo's list or a colour's picker; Dear ImGui closes them itself only where keys walk through
+// its items. Whether there was one.
+bool closeList() {
+    if (!ImGui::IsPopupOpen("", ImGuiPopupFlags_AnyPopup)) return false;
+    ImGui::ClosePopupsExceptModals();
+    return true;
+}
 
 }  // namespace
 
@@ -30,6 +39,7 @@ void Viewer::handleKeys() {
                 answer(question_->answers.back().label);
             continue;
         }
+        if (press.key == GLFW_KEY_ESCAPE && closeList()) continue;
         if (io.WantTextInput) continue;
         const Chord chord = chordOf(press.key, press.modifiers);
         if (typesIntoDrag(chord)) continue;
