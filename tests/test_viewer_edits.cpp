@@ -82,6 +82,13 @@ TEST_F(EditsTest, WhatIsEditedOverAMotionStays) {
     EXPECT_EQ(viewer.timeline(), 20);
     EXPECT_EQ(viewer.editor().pose(), second);
 
+    // It ends with what the window was opened with.
+    for (int i = 0; i < 5; ++i) keyWith("Control_L", "z");
+    EXPECT_TRUE(viewer.editor().motion());
+    EXPECT_FALSE(viewer.editor().canUndo());
+    for (int i = 0; i < 2; ++i) keyWith("Control_L", "y");
+    EXPECT_EQ(viewer.editor().pose(), second);
+
     // A key of the keyboard lets edits override the motion, and add to it again.
     keyWith("Alt_L", "k");
     EXPECT_EQ(viewer.editor().layer().blend, Layer::Blend::Override);

@@ -52,7 +52,7 @@ Viewer::Viewer(const ViewerOptions& options)
     if (!options.motion.empty()) loadMotion(options.motion, options.frames);
     if (!options.pose.empty()) pastePose(options.pose);
     for (const fs::path& other : options.beside) compareWith(other);
-    editor_->markSaved();  // all of it comes from files
+    editor_->beginHere();  // all of it comes from files
     layOut();
     frameAll();
     if (!options.camera.empty()) orbit_ = readCameraText(options.camera);

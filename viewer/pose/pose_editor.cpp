@@ -167,6 +167,13 @@ bool PoseEditor::modified() const {
     return !sameAs(saved_) && (keysSaved || !sameAs(beginning));
 }
 
+void PoseEditor::beginHere() {
+    endGesture();
+    past_.clear();
+    future_.clear();
+    markSaved();
+}
+
 void PoseEditor::setOpenedBetas(const Betas& betas) {
     const Betas before = std::exchange(openedBetas_, betas);
     const auto follow = [&](State& state) {

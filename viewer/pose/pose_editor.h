@@ -60,6 +60,8 @@ public:
     // what is open were saved, the beginning is an edit as well: the file has them still.
     bool modified() const;
     void markSaved() { saved_ = now_; }
+    // What there is now was there when the work began: it is saved, and undo ends with it.
+    void beginHere();
     // Counts changes, undo and redo among them.
     uint64_t version() const { return version_; }
     // Which of the motions and takes that were opened this is, counted from 1; 0: the beginning.
