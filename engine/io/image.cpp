@@ -310,6 +310,11 @@ Image readImage(const fs::path& path, int channels) {
     return decodeImage(readWholeFile(path, uint64_t{4} << 30), path.string(), channels);
 }
 
+void checkImage(const fs::path& path) {
+    const std::vector<uint8_t> file = readWholeFile(path, uint64_t{4} << 30);
+    checkWhole(formatOf(file, path.string()), file, path.string());
+}
+
 Image decodeMask(Bytes file, const std::string& name) {
     const Format& format = formatOf(file, name);
     checkWhole(format, file, name);

@@ -55,6 +55,8 @@ std::shared_ptr<const Picture> FrameCache::load(size_t index, bool colours) {
         require(frame.image, image);
         picture->rgb = std::move(image.data);
         if (!capture_.gains.empty()) divide(picture->rgb, capture_.gains[index]);
+    } else {
+        checkImage(frame.image);  // rather than behind a stage that takes long
     }
     if (frame.mask) {
         Image mask = readMask(*frame.mask);
