@@ -13,6 +13,7 @@
 #include "tests/tiny_training.h"
 #include "trainer/avatar/avatar.h"
 #include "trainer/avatar/background.h"
+#include "trainer/data/capture_writer.h"
 #include "trainer/stages/back_projection.h"
 #include "trainer/stages/fit.h"
 #include "trainer/stages/rim.h"
@@ -175,6 +176,28 @@ TEST_F(SharedFrames, SilhouettesOfLargeFramesAreComparedInSomePixels) {
         large.trans[0][1] += .05f;
         EXPECT_LT(silhouetteIous(testDevice(), actor.body, large, cache, nullptr)[0], .95);
     }
+}
+
+// A frame that has fewer rows than the step that its columns ask for.
+TEST_F(SharedFrames, SilhouettesOfAFrameOfOneRowAreCompared) {
+    const Folder folder;
+    constexpr int kColumns = 4000;
+    const std::vector<uint8_t> rgb(3 * kColumns), mask(kColumns, 255);
+    Capture capture;
+    capture.name = "a row";
+    CaptureWriter writer(folder / "capture");
+    writer.addImage("f0", kColumns, 1, rgb);
+    writer.addMask("f0", kColumns, 1, mask);
+    capture.frames.push_back({"f0", {}, {}, {4000, 4000, kColumns / 2., 0, kColumns, 1}});
+    capture.theta.resize(1);
+    capture.trans.push_back({0, 0, 3});
+    writer.commit(capture);
+    const Capture row = readCapture(folder / "capture");
+    FrameCache cache(row);
+    const std::vector<double> ious = silhouetteIous(testDevice(), body_, row, cache, nullptr);
+    ASSERT_EQ(ious.size(), 1u);
+    EXPECT_GT(ious[0], .01);
+    EXPECT_LT(ious[0], .5);
 }
 
 TEST_F(SharedFrames, TellingFramesAreTheSame) {

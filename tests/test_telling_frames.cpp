@@ -76,6 +76,17 @@ TEST(TellingFrames, AreTheSharperOnesOfNeighbours) {
     for (size_t i : tellingFrames(capture, cache, 6)) EXPECT_EQ(i / 2 % 2, 1u) << i;
 }
 
+TEST(TellingFrames, AreNotDecodedWhereNoNeighbourIsLikeThem) {
+    Folder folder;
+    std::vector<Theta> poses(40);
+    for (size_t i = 0; i < poses.size(); ++i) poses[i][1] = .5f * static_cast<float>(i % 8);
+    const Capture capture = striped(folder / "capture", poses, [](size_t) { return true; });
+    FrameCache cache(capture);
+    const uint64_t before = FrameCache::decoded();
+    EXPECT_EQ(tellingFrames(capture, cache, 6).size(), 6u);
+    EXPECT_EQ(FrameCache::decoded(), before);
+}
+
 class LongRecording : public Refusals {};
 
 // Of 20,000 frames a training takes no more memory than of 400, but for what lists them.

@@ -44,10 +44,11 @@ inline constexpr int kMaxImageSide = 16384;
 // weighed into grey (Rec. 709), alpha is dropped where it is not asked for and 255 where there is
 // none. 16 bits are rounded to 8; linear float (OpenEXR) is clamped to [0, 1] and sRGB-encoded.
 Image readImage(const std::filesystem::path& path, int channels = 3);
-// InputError where the file is cut short, or not what it was when it was written, as far as its
-// format tells that without decoding.
-void checkImage(const std::filesystem::path& path);
 Image decodeImage(std::span<const uint8_t> file, const std::string& name, int channels = 3);
+
+// InputError where a PNG is cut short or has a wrong checksum, or a JPEG has no end: what is found
+// without decoding.
+void checkImage(const std::filesystem::path& path);
 
 // A mask: 1 channel, 255 on the person and 0 elsewhere. On the person is what is > 0 in any colour
 // channel (labels, palettes and 16 bits included), or, where the file has an alpha channel that

@@ -17,7 +17,7 @@ namespace doppel {
 // 8-bit, rows from the top.
 struct Picture {
     int width = 0, height = 0;
-    std::vector<uint8_t> rgb;   // [H][W][3], sRGB-encoded, divided by the frame's gain
+    std::vector<uint8_t> rgb;   // [H][W][3], sRGB-encoded, divided by the frame's gain; or empty
     std::vector<uint8_t> mask;  // [H][W], 255 the person, 0 not; empty where the frame has none
 };
 
@@ -28,7 +28,8 @@ public:
     explicit FrameCache(const Capture& capture, size_t memoryBudget = size_t{512} << 20);
     // InputError where the file is cut short, or no longer what readCapture saw.
     std::shared_ptr<const Picture> load(size_t frame);
-    // The same for who needs no colours, in a fraction of the time: rgb may be empty.
+    // The same for who needs no colours, in a fraction of the time: rgb may be empty. The file of
+    // the colours is looked at as far as checkImage() does.
     std::shared_ptr<const Picture> loadMask(size_t frame);
 
     // Pictures that this process has decoded so far, by all caches.

@@ -76,7 +76,9 @@ void unwrap(std::vector<Theta>& theta) {
 // frames of 4K took minutes, and a million pixels say as much.
 int pixelStep(const Camera& camera) {
     constexpr int kLargest = 1536;
-    return (std::max(camera.width, camera.height) + kLargest - 1) / kLargest;
+    const int longer = std::max(camera.width, camera.height),
+              shorter = std::min(camera.width, camera.height);
+    return std::min((longer + kLargest - 1) / kLargest, shorter);
 }
 
 // The pixels step · i + step / 2 along both axes, as many as are whole.

@@ -27,7 +27,7 @@ Camera cropCamera(const Camera& camera, const CropBox& box, int size);
 
 struct Crop {
     Camera camera;              // S × S
-    std::vector<float> image;   // [S][S][3], sRGB-encoded, [0,1]; 0 outside the frame
+    std::vector<float> image;   // [S][S][3], sRGB-encoded, [0,1]; 0 outside the frame; empty as rgb
     std::vector<float> mask;    // [S][S], [0,1]; empty where the picture has none
     std::vector<float> inside;  // [S][S], the part of each pixel that lies inside the frame
 };
