@@ -157,7 +157,8 @@ TEST_F(SharedFrames, TheScreenIsTheSame) {
 
 TEST_F(SharedFrames, SilhouettesAreComparedAlike) {
     expectShared([&](Device& device, FrameCache& cache, Ranks* ranks) {
-        const std::vector<double> ious = silhouetteIous(device, body_, capture_, cache, ranks);
+        const std::vector<double> ious =
+            silhouetteIous(device, body_, {&capture_}, cache, ranks)[0];
         return std::vector<float>(ious.begin(), ious.end());
     });
 }
@@ -167,14 +168,17 @@ TEST_F(SharedFrames, SilhouettesOfLargeFramesAreComparedInSomePixels) {
     const Actor actor = readActor(assetFolder() / "actor", "woman");
     for (int size : {1700, 3200}) {
         const Folder folder;
-        Capture large =
+        const Capture large =
             renderActor(testDevice(), actor, actorSession(2, 0, kActorDistance), folder / "capture",
                         {.size = size, .poseNoiseDegrees = 0, .transNoiseMetres = 0, .samples = 1});
         FrameCache cache(large);
-        for (double iou : silhouetteIous(testDevice(), actor.body, large, cache, nullptr))
-            EXPECT_GT(iou, .999) << size;
-        large.trans[0][1] += .05f;
-        EXPECT_LT(silhouetteIous(testDevice(), actor.body, large, cache, nullptr)[0], .95);
+        Capture lower = large;
+        lower.trans[0][1] += .05f;
+        const uint64_t before = FrameCache::decoded();
+        const auto ious = silhouetteIous(testDevice(), actor.body, {&large, &lower}, cache);
+        EXPECT_EQ(FrameCache::decoded() - before, large.size());
+        for (double iou : ious[0]) EXPECT_GT(iou, .999) << size;
+        EXPECT_LT(ious[1][0], .95);
     }
 }
 
@@ -194,7 +198,7 @@ TEST_F(SharedFrames, SilhouettesOfAFrameOfOneRowAreCompared) {
     writer.commit(capture);
     const Capture row = readCapture(folder / "capture");
     FrameCache cache(row);
-    const std::vector<double> ious = silhouetteIous(testDevice(), body_, row, cache, nullptr);
+    const std::vector<double> ious = silhouetteIous(testDevice(), body_, {&row}, cache)[0];
     ASSERT_EQ(ious.size(), 1u);
     EXPECT_GT(ious[0], .01);
     EXPECT_LT(ious[0], .5);

@@ -76,6 +76,38 @@ TEST(TellingFrames, AreTheSharperOnesOfNeighbours) {
     for (size_t i : tellingFrames(capture, cache, 6)) EXPECT_EQ(i / 2 % 2, 1u) << i;
 }
 
+// A person of eight by eight pixels walks to and fro before a background that is sharper than she
+// is.
+TEST(TellingFrames, AreTheSharperOnesOfAPersonWhoWalks) {
+    Folder folder;
+    Capture capture;
+    CaptureWriter writer(folder / "capture");
+    for (size_t i = 0; i < 300; ++i) {
+        const bool sharp = i / 2 % 2 == 1;
+        const int left = 4 + 6 * (sharp ? 1 : 0);
+        std::vector<uint8_t> rgb, mask;
+        for (int y = 0; y < kSide; ++y)
+            for (int x = 0; x < kSide; ++x) {
+                const bool person = x >= left && x < left + 8 && y >= 8 && y < 16;
+                mask.push_back(person ? 255 : 0);
+                for (int c = 0; c < 3; ++c)
+                    rgb.push_back(static_cast<uint8_t>(person ? (sharp ? 200 * (x / 2 % 2) : 10 * x)
+                                                              : 255 * ((x + y) % 2)));
+            }
+        const std::string name = fmt::format("f{}", i);
+        writer.addImage(name, kSide, kSide, rgb);
+        writer.addMask(name, kSide, kSide, mask);
+        capture.frames.push_back({name, {}, {}, {30, 30, kSide / 2.0, kSide / 2.0, kSide, kSide}});
+        capture.theta.push_back({});
+        capture.theta.back()[1] = .02f * static_cast<float>(i);
+        capture.trans.push_back({static_cast<float>(left + 4 - kSide / 2) / 10, 0, 3});
+    }
+    writer.commit(capture);
+    const Capture walk = readCapture(folder / "capture");
+    FrameCache cache(walk);
+    for (size_t i : tellingFrames(walk, cache, 6)) EXPECT_EQ(i / 2 % 2, 1u) << i;
+}
+
 TEST(TellingFrames, AreNotDecodedWhereNoNeighbourIsLikeThem) {
     Folder folder;
     std::vector<Theta> poses(40);

@@ -54,7 +54,7 @@ Recording record(std::shared_ptr<Graph> graph) {
 
 Recording ceilingFma() {
     auto graph = std::make_shared<Graph>(device());
-    const uint32_t n = device().kernelPath().onCpu ? 1 << 15 : 1 << 20, rounds = 2000;
+    const uint32_t n = device().info().cpu ? 1 << 15 : 1 << 20, rounds = 2000;
     Tensor x = graph->input({n, 4}), y = graph->temporary({n, 4});
     graph->beginOp("ceiling_fma", 64.0 * n * rounds);
     graph->dispatch("bench/ceiling.fma", {{"x", x}, {"y", y}}, CeilingParams{n, rounds}, n);

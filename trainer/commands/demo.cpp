@@ -161,7 +161,7 @@ void runDemo(const DemoOptions& options) {
     Capture testByPictures = testFitted;
     fitPosesToPictures(device, person, testByPictures, options.common.seed);
     FrameCache testFrames(test);
-    double iouGiven = mean(silhouetteIous(device, person.body, test, testFrames));
+    double iouGiven = mean(silhouetteIous(device, person.body, {&test}, testFrames)[0]);
     std::vector<FrameMetrics> metrics =
         evaluateAvatar(device, person, testFitted, out / "held-out");
     FrameMetrics byPictures = meanMetrics(evaluateAvatar(device, person, testByPictures));

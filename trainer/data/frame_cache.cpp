@@ -25,23 +25,32 @@ void divide(std::vector<uint8_t>& rgb, const Gain& gain) {
 FrameCache::FrameCache(const Capture& capture, size_t memoryBudget)
     : capture_(capture), budget_(memoryBudget) {}
 
-std::shared_ptr<const Picture> FrameCache::load(size_t frame) { return load(frame, true); }
+std::shared_ptr<const Picture> FrameCache::load(size_t frame) { return load(frame, true, true); }
 
-std::shared_ptr<const Picture> FrameCache::loadMask(size_t frame) { return load(frame, false); }
+std::shared_ptr<const Picture> FrameCache::loadMask(size_t frame) {
+    return load(frame, false, true);
+}
 
-std::shared_ptr<const Picture> FrameCache::load(size_t index, bool colours) {
+std::shared_ptr<const Picture> FrameCache::loadColours(size_t frame) {
+    return load(frame, true, false);
+}
+
+std::shared_ptr<const Picture> FrameCache::load(size_t index, bool colours, bool mask) {
     CHECK(index < capture_.size(), "frame {} is one of the capture's {}", index, capture_.size());
+    const Frame& frame = capture_.frames[index];
+    mask = mask && frame.mask;
     {
         const std::lock_guard lock(mutex_);
         for (auto at = kept_.begin(); at != kept_.end(); ++at) {
-            if (at->first != index || (colours && at->second->rgb.empty())) continue;
+            if (at->first != index || (colours && at->second->rgb.empty()) ||
+                (mask && at->second->mask.empty()))
+                continue;
             kept_.splice(kept_.begin(), kept_, at);
             return at->second;
         }
     }
     // Decoded without the lock, so that threads decode side by side.
     ++decoded_;
-    const Frame& frame = capture_.frames[index];
     auto picture = std::make_shared<Picture>();
     const auto require = [&](const fs::path& path, const Image& read) {
         if (read.width == frame.camera.width && read.height == frame.camera.height) return;
@@ -58,10 +67,10 @@ std::shared_ptr<const Picture> FrameCache::load(size_t index, bool colours) {
     } else {
         checkImage(frame.image);  // rather than behind a stage that takes long
     }
-    if (frame.mask) {
-        Image mask = readMask(*frame.mask);
-        require(*frame.mask, mask);
-        picture->mask = std::move(mask.data);
+    if (mask) {
+        Image image = readMask(*frame.mask);
+        require(*frame.mask, image);
+        picture->mask = std::move(image.data);
     }
     const std::lock_guard lock(mutex_);
     const auto bytesOf = [](const Picture& p) { return p.rgb.size() + p.mask.size(); };

@@ -122,15 +122,18 @@ bool isVideo(const Capture& capture) {
     return turns[turns.size() / 2] < 0.35;  // 20 degrees
 }
 
-std::vector<double> silhouetteIous(Device& device, const BodyModel& body, const Capture& capture,
-                                   FrameCache& frames, Ranks* ranks) {
+std::vector<std::vector<double>> silhouetteIous(Device& device, const BodyModel& body,
+                                                std::initializer_list<const Capture*> posed,
+                                                FrameCache& frames, Ranks* ranks) {
+    CHECK(posed.size() > 0, "there are poses to compare");
+    const Capture& capture = **posed.begin();
     capture.requireMasks();
     BodyPoser poser(device, body);
     MeshDrawer drawer(device, body);
     std::vector<size_t> mine;
     for (size_t i = 0; i < capture.size(); ++i)
         if (isMine(ranks, i)) mine.push_back(i);
-    std::vector<double> ious;
+    std::vector<std::vector<double>> ious(posed.size());
     Progress progress("silhouettes", static_cast<int64_t>(mine.size()), kQuiet);
     inParallel(
         mine.size(),
@@ -139,13 +142,17 @@ std::vector<double> silhouetteIous(Device& device, const BodyModel& body, const 
         },
         [&](size_t k, const std::vector<uint8_t>& pixels) {
             const size_t i = mine[k];
-            const Camera& camera = capture.frames[i].camera;
-            PosedMesh posed = poser.pose(capture.theta[i], capture.trans[i], capture.betas);
-            ious.push_back(intersectionOverUnion(
-                drawer.mask(posed.verts, cameraOfPixels(camera, pixelStep(camera))), pixels));
+            const Camera& frame = capture.frames[i].camera;
+            const Camera camera = cameraOfPixels(frame, pixelStep(frame));
+            for (size_t p = 0; p < posed.size(); ++p) {
+                const Capture& poses = *posed.begin()[p];
+                const PosedMesh mesh = poser.pose(poses.theta[i], poses.trans[i], poses.betas);
+                ious[p].push_back(intersectionOverUnion(drawer.mask(mesh.verts, camera), pixels));
+            }
             progress.update(static_cast<int64_t>(k) + 1);
         });
-    return ofAllRanks(ranks, capture.size(), ious);
+    for (std::vector<double>& each : ious) each = ofAllRanks(ranks, capture.size(), each);
+    return ious;
 }
 
 FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
@@ -153,9 +160,6 @@ FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
     const FitPreset& preset = settings.preset;
     FrameCache cache(capture);
     FitResult result;
-    result.frameIouBefore = silhouetteIous(device, body, capture, cache, settings.loop.ranks);
-    result.iouBefore = mean(result.frameIouBefore);
-
     Capture fitted = capture;
     unwrap(fitted.theta);
     TrainingFrames frames(device, body, fitted, cache, preset.size,
@@ -220,7 +224,12 @@ FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
     // Outlines and joints turn trunks, do not see faces, and would take the head along. A head that
     // was given on its neck gathers the errors of all joints below and stays there.
     if (capture.source.contains("heads")) aimHeads(body, capture.theta, fitted.theta);
-    result.frameIouAfter = silhouetteIous(device, body, fitted, cache, settings.loop.ranks);
+    // Both now, so that a mask is decoded once, and nobody waits for it before the first step.
+    std::vector<std::vector<double>> ious =
+        silhouetteIous(device, body, {&capture, &fitted}, cache, settings.loop.ranks);
+    result.frameIouBefore = std::move(ious[0]);
+    result.iouBefore = mean(result.frameIouBefore);
+    result.frameIouAfter = std::move(ious[1]);
     result.iouAfter = mean(result.frameIouAfter);
     capture.betas = fitted.betas;
     capture.theta = fitted.theta;

@@ -2,6 +2,7 @@
 // silhouette (and keypoints where the capture has them).
 #pragma once
 
+#include <initializer_list>
 #include <vector>
 
 #include "engine/device.h"
@@ -31,9 +32,11 @@ bool isVideo(const Capture& capture);
 FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
                      const FitSettings& settings);
 
-// IoU of the body as it is posed with each frame's mask, at the frame's resolution. Each rank looks
-// at its part of the frames.
-std::vector<double> silhouetteIous(Device& device, const BodyModel& body, const Capture& capture,
-                                   FrameCache& frames, Ranks* ranks = nullptr);
+// IoU with each frame's mask, at the frame's resolution, of the body as each of `posed` poses it:
+// captures of the same frames, whose masks are decoded once. [posed][frame]. Each rank looks at its
+// part of the frames.
+std::vector<std::vector<double>> silhouetteIous(Device& device, const BodyModel& body,
+                                                std::initializer_list<const Capture*> posed,
+                                                FrameCache& frames, Ranks* ranks = nullptr);
 
 }  // namespace doppel

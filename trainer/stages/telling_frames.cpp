@@ -7,8 +7,10 @@
 #include <limits>
 #include <map>
 
+#include <glm/glm.hpp>
 #include <glm/gtc/quaternion.hpp>
 
+#include "engine/io/image.h"
 #include "nn/body/joint.h"
 #include "trainer/data/pictures/sharpness.h"
 #include "trainer/data/progress.h"
@@ -108,16 +110,65 @@ std::vector<size_t> farthestFrames(const PoseTable& poses, size_t count, size_t 
     return taken;
 }
 
-// Within the mask.
-double sharpnessOf(const Picture& picture) {
-    auto at = [&](int x, int y) { return static_cast<size_t>(y * picture.width + x); };
+// The part of a frame in which the person is, and its mask [height][width], 255 the person.
+struct PersonBox {
+    int left = 0, top = 0, width = 0, height = 0;
+    std::vector<uint8_t> mask;
+};
+
+PersonBox personBox(const Picture& picture) {
+    if (picture.mask.empty())
+        return {0, 0, picture.width, picture.height,
+                std::vector<uint8_t>(
+                    static_cast<size_t>(picture.width) * static_cast<size_t>(picture.height), 255)};
+    int left = picture.width, right = 0, top = picture.height, bottom = 0;
+    for (int y = 0; y < picture.height; ++y) {
+        const auto row = std::span(picture.mask)
+                             .subspan(static_cast<size_t>(y) * static_cast<size_t>(picture.width),
+                                      static_cast<size_t>(picture.width));
+        const auto first = std::ranges::find(row, 255);
+        if (first == row.end()) continue;
+        const auto behind = std::find(row.rbegin(), row.rend(), 255).base();
+        left = std::min(left, static_cast<int>(first - row.begin()));
+        right = std::max(right, static_cast<int>(behind - row.begin()));
+        top = std::min(top, y);
+        bottom = y + 1;
+    }
+    PersonBox box{left, top, std::max(0, right - left), std::max(0, bottom - top), {}};
+    for (int y = top; y < bottom; ++y) {
+        const uint8_t* row =
+            &picture.mask[static_cast<size_t>(y) * static_cast<size_t>(picture.width)];
+        box.mask.insert(box.mask.end(), row + left, row + right);
+    }
+    return box;
+}
+
+// Within the mask, moved by so many pixels.
+double sharpnessOf(const Picture& picture, const PersonBox& person, glm::ivec2 moved) {
+    const int left = person.left + moved.x, top = person.top + moved.y;
     return sharpness(
-        picture.width, picture.height,
+        person.width, person.height,
         [&](int x, int y) {
-            const uint8_t* p = &picture.rgb[3 * at(x, y)];
+            const uint8_t* p =
+                &picture.rgb[3 * static_cast<size_t>((y + top) * picture.width + x + left)];
             return (p[0] + 2 * p[1] + p[2]) / 4.0;
         },
-        [&](int x, int y) { return picture.mask.empty() || picture.mask[at(x, y)] == 255; });
+        [&](int x, int y) {
+            return person.mask[static_cast<size_t>(y * person.width + x)] == 255 && x + left > 0 &&
+                   x + left + 1 < picture.width && y + top > 0 && y + top + 1 < picture.height;
+        });
+}
+
+// By how many pixels the body's origin is elsewhere in frame b than in frame a.
+glm::ivec2 movedBetween(const Capture& capture, size_t a, size_t b) {
+    const auto placeIn = [&](size_t frame) {
+        const Camera& camera = capture.frames[frame].camera;
+        const Trans& at = capture.trans[frame];
+        const double depth = std::max(1e-3, static_cast<double>(at[2]));
+        return glm::dvec2(camera.fx * at[0] / depth + camera.cx,
+                          camera.fy * at[1] / depth + camera.cy);
+    };
+    return glm::round(glm::clamp(placeIn(b) - placeIn(a), -1. * kMaxImageSide, 1. * kMaxImageSide));
 }
 
 }  // namespace
@@ -145,31 +196,43 @@ std::vector<size_t> tellingFrames(const Capture& capture, FrameCache& cache, siz
         }
         return alike;
     };
-    // Each of them is decoded once, and none that no neighbour could replace.
-    std::map<size_t, double> sharp;
-    for (size_t middle : taken)
-        for (size_t other : neighbours(middle)) sharp[middle] = sharp[other] = 0;
+    // None is decoded that no neighbour could replace. Who shows the same has the same outline but
+    // for where it is, so that the mask of the one in the middle does for its neighbours.
     std::vector<size_t> looked;
-    for (const auto& [frame, unknown] : sharp) looked.push_back(frame);
+    for (size_t middle : taken)
+        if (!neighbours(middle).empty()) looked.push_back(middle);
+    std::map<size_t, std::vector<double>> sharp;  // of a frame, and of its neighbours
     Progress progress("choosing frames", static_cast<int64_t>(looked.size()), kQuiet);
     shareWork(
         ranks, looked.size(),
         [&](size_t k) {
-            const double found = sharpnessOf(*cache.load(looked[k]));
-            std::vector<uint8_t> bytes(sizeof(found));
-            std::memcpy(bytes.data(), &found, sizeof(found));
+            const size_t middle = looked[k];
+            const PersonBox person = personBox(*cache.loadMask(middle));
+            std::vector<double> found{
+                sharpnessOf(*cache.loadColours(middle), person, glm::ivec2(0))};
+            for (size_t other : neighbours(middle))
+                found.push_back(sharpnessOf(*cache.loadColours(other), person,
+                                            movedBetween(capture, middle, other)));
+            std::vector<uint8_t> bytes(found.size() * sizeof(double));
+            std::memcpy(bytes.data(), found.data(), bytes.size());
             return bytes;
         },
         [&](size_t k, std::span<const uint8_t> bytes) {
-            std::memcpy(&sharp[looked[k]], bytes.data(), sizeof(double));
+            std::vector<double>& found = sharp[looked[k]];
+            found.resize(bytes.size() / sizeof(double));
+            std::memcpy(found.data(), bytes.data(), bytes.size());
             progress.update(static_cast<int64_t>(k) + 1);
         });
     std::vector<bool> chosen(count);
     for (size_t i : taken) chosen[i] = true;
     for (size_t& frame : taken) {
+        const std::vector<size_t> others = neighbours(frame);
+        if (others.empty()) continue;
+        const std::vector<double>& found = sharp.at(frame);
         size_t best = frame;
-        for (size_t other : neighbours(frame))
-            if (!chosen[other] && sharp.at(other) > sharp.at(best)) best = other;
+        double top = found[0];
+        for (size_t n = 0; n < others.size(); ++n)
+            if (!chosen[others[n]] && found[n + 1] > top) best = others[n], top = found[n + 1];
         chosen[frame] = false;
         chosen[best] = true;
         frame = best;
