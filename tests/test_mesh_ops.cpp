@@ -172,6 +172,7 @@ std::vector<std::set<int>> neighboursOf(const Values& in) {
 TEST(MeshOps, OffsetPenalty) {
     for (const TestMesh& mesh : meshes()) {
         OpCase test = caseOf(mesh);
+        test.inputs["stiffness"] = uniform({int64_t(mesh.verts.data.size() / 3)}, 0, 4, 14);
         test.attributes = {{"stay", .3}, {"smooth", 5}};
         test.reference = [](const Values& in) -> Values {
             const Value& x = in.at("verts");
@@ -183,7 +184,7 @@ TEST(MeshOps, OffsetPenalty) {
                     double bend = 0;
                     for (int n : neighbours[v])
                         bend += (own - x.data[3 * size_t(n) + c]) / double(neighbours[v].size());
-                    loss += .3 * own * own + 5 * bend * bend;
+                    loss += .3 * own * own + 5 * in.at("stiffness").data[v] * bend * bend;
                 }
             return {{"loss", {{}, {loss / double(neighbours.size())}}}};
         };

@@ -6,6 +6,7 @@
 
 #include "engine/error.h"
 #include "nn/body/body_atlas.h"
+#include "nn/body/joint.h"
 #include "nn/body/mesh_topology.h"
 
 namespace doppel {
@@ -311,6 +312,18 @@ std::vector<float> clampBounds(const BodyModel& body, ClampBounds source) {
     std::vector<float> result;
     for (size_t v = 0; v < body.part.size(); ++v)
         result.push_back(body.face[v] || body.sole[v] ? 0 : bounds[body.part[v]]);
+    return result;
+}
+
+std::vector<float> surfaceStiffness(const BodyModel& body, double hands) {
+    std::vector<float> result;
+    for (size_t v = 0; v < static_cast<size_t>(body.vertexCount); ++v) {
+        double held = 0;  // by the bones of a hand
+        for (size_t j :
+             {joint::kLeftWrist, joint::kRightWrist, joint::kLeftHand, joint::kRightHand})
+            held += static_cast<double>(body.weights[kJointCount * v + j]);
+        result.push_back(static_cast<float>(1 + (hands - 1) * std::min(held, 1.0)));
+    }
     return result;
 }
 

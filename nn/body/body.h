@@ -73,4 +73,9 @@ enum class ClampBounds {
 };
 std::vector<float> clampBounds(const BodyModel& body, ClampBounds source);
 
+// How stiff the surface is [V]: 1, and on the hands so many times that, less towards the forearms.
+// A finger is three pixels wide where a person fills a frame, so outlines alone make gloves of
+// hands.
+std::vector<float> surfaceStiffness(const BodyModel& body, double hands);
+
 }  // namespace doppel

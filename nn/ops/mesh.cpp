@@ -223,9 +223,10 @@ Tensor laplacianLoss(Graph& graph, const Tensor& verts, const MeshTensors& mesh)
     return loss;
 }
 
-Tensor offsetPenalty(Graph& graph, const Tensor& offsets, const MeshTensors& mesh, float stay,
-                     float smooth) {
+Tensor offsetPenalty(Graph& graph, const Tensor& offsets, const Tensor& stiffness,
+                     const MeshTensors& mesh, float stay, float smooth) {
     checkVerts(offsets, mesh);
+    CHECK(stiffness.elements() == vertexCountOf(mesh), "a vertex has a stiffness");
     const uint32_t vertices = vertexCountOf(mesh);
     const OffsetPenaltyParams params{vertices, 1.0f / static_cast<float>(vertices), stay, smooth};
     Tensor terms = graph.temporary({vertices}), bends = graph.temporary(offsets.shape);
@@ -234,6 +235,7 @@ Tensor offsetPenalty(Graph& graph, const Tensor& offsets, const MeshTensors& mes
                    {{"offsets", offsets},
                     {"neighbourBegin", mesh.adjacency.begin},
                     {"neighbours", mesh.adjacency.neighbours},
+                    {"stiffness", stiffness},
                     {"terms", terms},
                     {"bends", bends}},
                    params, vertices);
@@ -484,14 +486,14 @@ static const Op kLaplacianLoss{{
 
 static const Op kOffsetPenalty{{
     .name = "offset_penalty",
-    .inputs = "verts[V,3] faces:i32[F,3]",
+    .inputs = "verts[V,3] stiffness[V] faces:i32[F,3]",
     .attributes = "stay=1 smooth=1",
     .outputs = "loss",
     .differentiable = "verts",
     .build =
         [](OpCall& c) {
-            c.result("loss",
-                     offsetPenalty(c.graph, c["verts"], meshOf(c), c.f("stay"), c.f("smooth")));
+            c.result("loss", offsetPenalty(c.graph, c["verts"], c["stiffness"], meshOf(c),
+                                           c.f("stay"), c.f("smooth")));
         },
 }};
 

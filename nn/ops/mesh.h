@@ -24,10 +24,10 @@ Tensor laplacianLoss(Graph& graph, const Tensor& verts, const MeshTensors& mesh)
 // counts 1 and has no gradient. verts [V,3], result []. Gradient to verts.
 Tensor normalConsistencyLoss(Graph& graph, const Tensor& verts, const MeshTensors& mesh);
 
-// loss = 1/V sum over the vertices of stay |x_v|^2 + smooth |x_v - the mean of x over the
-// neighbours|^2, for offsets x [V,3], m. Result []. Gradient to the offsets.
-Tensor offsetPenalty(Graph& graph, const Tensor& offsets, const MeshTensors& mesh, float stay,
-                     float smooth);
+// loss = 1/V sum over the vertices of stay |x_v|^2 + smooth stiffness_v |x_v - the mean of x over
+// the neighbours|^2, for offsets x [V,3], m, and stiffness [V]. Result []. Gradient to the offsets.
+Tensor offsetPenalty(Graph& graph, const Tensor& offsets, const Tensor& stiffness,
+                     const MeshTensors& mesh, float stay, float smooth);
 
 // loss = sum over the faces of weight_f max(0, least - s_f)^2, s_f = (c . c0) / |c0|^2 being what
 // is left of a face: c is its cross product, c0 that of the reference's face. s_f is 1 where

@@ -69,6 +69,9 @@ MeshStep::MeshStep(Device& device, const BodyModel& body, const std::array<float
     SurfaceLook look;
     Tensor albedo;
     std::optional<CaptureLight> lights;
+    Tensor stiffness;
+    if (bounded)
+        stiffness = graph.constant(surfaceStiffness(body, preset.hands), {body.vertexCount});
     if (coloured) {
         const auto side = static_cast<int64_t>(std::lround(std::sqrt(texels.size() / 3)));
         Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
@@ -115,7 +118,7 @@ MeshStep::MeshStep(Device& device, const BodyModel& body, const std::array<float
             Tensor posed = lbs(graph, skin, rest, sample.theta, beta, sample.trans).verts;
             losses.term("offsets", 1,
                         offsetPenalty(graph, add(graph, verts, scaleShift(graph, posed, -1, 0)),
-                                      network.mesh, static_cast<float>(preset.stay),
+                                      stiffness, network.mesh, static_cast<float>(preset.stay),
                                       static_cast<float>(preset.smooth)));
         }
         if (preset.laplacian > 0)

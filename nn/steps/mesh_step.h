@@ -53,6 +53,7 @@ CHOICES(SilhouetteLoss, Soft, Edges)
     NUMBER(double, colour, 0, 0, kNoLimit, "weight of the colours' loss, where there are texels") \
     NUMBER(double, stay, 0, 0, kNoLimit, "weight of small offsets from the posed body")           \
     NUMBER(double, smooth, 0, 0, kNoLimit, "weight of smooth offsets from it")                    \
+    NUMBER(double, hands, 1, 1, 1e6, "times as much of it on the hands")                          \
     CHOICE(ClampBounds, clamps, Paper, "whose table of K(v) bounds the blocks' offsets")
 struct MeshPreset {
     NUMBERS(MESH_NUMBERS)

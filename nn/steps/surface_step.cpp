@@ -182,8 +182,9 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
     }
     if (start.movesOffsets) {
         losses.term("offsets", 1,
-                    offsetPenalty(graph, own, mesh, static_cast<float>(preset.stay),
-                                  static_cast<float>(preset.smooth)));
+                    offsetPenalty(
+                        graph, own, graph.constant(surfaceStiffness(body, preset.hands), {V}), mesh,
+                        static_cast<float>(preset.stay), static_cast<float>(preset.smooth)));
         if (preset.folds > 0) {
             std::vector<float> first = body.templateVertices;
             std::ranges::transform(first, start.offsets, first.begin(), std::plus());

@@ -58,6 +58,9 @@ namespace doppel {
     NUMBER(double, stayTexels, 0, 0, kNoLimit,                                                   \
            "weight of texels near those that frames gave first")                                 \
     NUMBER(double, smooth, 500, 0, kNoLimit, "weight of smooth offsets")                         \
+    NUMBER(double, hands, 1, 1, 1e6, "times as much of it on the hands")                         \
+    FLAG(cleanHands, false,                                                                      \
+         "texels of the hands that have another thing's colour take the hands'")                 \
     NUMBER(double, folds, 1, 0, kNoLimit, "weight of faces that keep their side and an area")    \
     NUMBER(double, lambda, 10, 0, 1e4, "how far a step of the offsets is smoothed, edges squared")
 struct SurfacePreset {

@@ -214,7 +214,7 @@ void addOps() {
     addCase({"vertex_normals", "body", {verts, faces}});
     addCase({"laplacian_loss", "body", {verts, faces}});
     addCase({"normal_consistency_loss", "body", {verts, faces}});
-    addCase({"offset_penalty", "body", {verts, faces}});
+    addCase({"offset_penalty", "body", {verts, {"stiffness", {V}}, faces}});
     addCase({"fold_penalty",
              "body",
              {verts, {"reference", {V, 3}}, {"weight", {topology.faceCount}}, faces}});

@@ -116,6 +116,9 @@ Preset presetByName(std::string_view name) {
     preset.mesh.colour = 4;
     preset.mesh.stay = 10;
     preset.mesh.smooth = 3000;
+    preset.shape.hands = preset.texels.hands = 1e4;
+    preset.mesh.hands = 1000;
+    preset.texels.cleanHands = true;
     preset.mesh.lr = 5e-4;
     preset.mesh.normal = 0;
     preset.mesh.batch = 1;

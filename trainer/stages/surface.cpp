@@ -9,6 +9,7 @@
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/stages/back_projection.h"
 #include "trainer/stages/fit.h"
+#include "trainer/stages/hand_colours.h"
 #include "trainer/stages/live_state.h"
 #include "trainer/stages/training_frames.h"
 
@@ -306,6 +307,7 @@ void trainTexels(Device& device, TrainResult& result, const TrainSettings& setti
         writeState(device, now, result.capture, cache, settings.out);
     };
     if (auto trained = runSurface(device, avatar.body, result.capture, run)) {
+        if (avatar.preset.texels.cleanHands) cleanHands(avatar.body, size, trained->texels);
         // As eight bits keep them, so that a run that is stopped after this stage and one that is
         // not go on from the same.
         for (float& value : trained->texels) value = std::round(255 * value) / 255;
