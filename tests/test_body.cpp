@@ -201,6 +201,24 @@ std::vector<float> toFloat(const std::vector<double>& values) {
     return {values.begin(), values.end()};
 }
 
+TEST(Body, FingersAreStiffAndHeadsAreNot) {
+    const BodyModel body = bodyFromNpz(readNpz(kDefaultBody));
+    const std::vector<float> stiffness = surfaceStiffness(body, 1000);
+    ASSERT_EQ(stiffness.size(), static_cast<size_t>(body.vertexCount));
+    const auto farthest = [&](size_t axis, float side) {
+        size_t found = 0;
+        for (size_t v = 0; v < stiffness.size(); ++v)
+            if (side * body.templateVertices[3 * v + axis] >
+                side * body.templateVertices[3 * found + axis])
+                found = v;
+        return found;
+    };
+    for (float side : {-1.f, 1.f}) EXPECT_NEAR(stiffness[farthest(0, side)], 1000, 1);
+    for (float side : {-1.f, 1.f}) EXPECT_EQ(stiffness[farthest(1, side)], 1);  // sole, crown
+    EXPECT_GE(*std::ranges::min_element(stiffness), 1);
+    EXPECT_EQ(surfaceStiffness(body, 1), std::vector<float>(stiffness.size(), 1));
+}
+
 TEST(Body, ZeroPoseGivesTheShapedTemplate) {
     BodyModel body = bodyFromNpz(readNpz(kDefaultBody));
     std::vector<double> beta = random({10}, 3).data;
