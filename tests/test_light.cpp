@@ -54,7 +54,7 @@ TrainResult trained(const Capture& seen, double lrLight, double lrGain, const fs
     avatar.preset.texture.textureSize = 128;
     avatar.preset.shape.steps = 60;
     avatar.preset.texels.samples = 1;
-    avatar.preset.texels.steps = 200;
+    avatar.preset.texels.steps = 280;
     avatar.preset.texels.lrLight = lrLight;
     avatar.preset.texels.lrGain = lrGain;
     TrainSettings settings;
