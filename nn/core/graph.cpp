@@ -1,7 +1,6 @@
 #include "nn/core/graph.h"
 
 #include <algorithm>
-#include <cstring>
 #include <set>
 #include <utility>
 

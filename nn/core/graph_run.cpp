@@ -5,8 +5,6 @@
 #include <cstring>
 #include <set>
 
-#include "engine/files/numbers.h"
-
 namespace doppel {
 
 namespace {
