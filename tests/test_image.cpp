@@ -176,6 +176,14 @@ TEST(Image, jpegIsCloseAndOriented) {
     }
     writeImage(folder / "a.jpg", image);
     const Bytes jpeg = readWholeFile(folder / "a.jpg");
+    // Colours come from libjpeg-turbo, as many as the file has from OpenImageIO.
+    EXPECT_EQ(decodeImage(jpeg, "colours", 3).data, decodeImage(jpeg, "as it is", 0).data);
+    writeImage(folder / "n.jpg", noise(45, 31, 3, 9));
+    EXPECT_EQ(readImage(folder / "n.jpg", 3).data, readImage(folder / "n.jpg", 0).data);
+    // Half of its data is missing, and its end is there: neither says so.
+    Bytes torn = readWholeFile(folder / "n.jpg");
+    torn.erase(torn.begin() + static_cast<ptrdiff_t>(torn.size() / 2), torn.end() - 2);
+    EXPECT_EQ(decodeImage(torn, "torn", 3).data, decodeImage(torn, "torn", 0).data);
     // Which quarter of the stored picture lies at the top left, top right, bottom left of the
     // upright.
     const int corners[9][3] = {{},        {0, 1, 2}, {1, 0, 3}, {3, 2, 1}, {2, 3, 0},
@@ -195,6 +203,45 @@ TEST(Image, jpegIsCloseAndOriented) {
             }
         }
     }
+}
+
+TEST(Image, smallInGrey) {
+    Folder folder;
+    const auto write = [&](const std::string& name, int width, int height) {
+        Image image(width, height, 3);
+        for (int y = 0; y < height; ++y)
+            for (int x = 0; x < width; ++x)
+                std::fill_n(
+                    image.pixel(x, y), 3,
+                    static_cast<uint8_t>(128 + 70 * std::sin(.3 * x) + 50 * std::cos(.2 * y)));
+        writeImage(folder / name, image);
+    };
+    write("a.png", 37, 50);
+    write("a.jpg", 37, 50);
+    write("b.jpg", 40, 64);
+    folder.write("turned.jpg", withOrientation(readWholeFile(folder / "b.jpg"), 6));
+    for (const char* name : {"a.png", "a.jpg", "b.jpg", "turned.jpg"})
+        for (const int by : {1, 2, 4, 8}) {
+            const Image whole = readImage(folder / name, 1);
+            // Sides that are whole multiples, for what is beyond the edge is the decoder's matter.
+            const int width = whole.width / by, height = whole.height / by;
+            Image inner(width * by, height * by, 1);
+            for (int y = 0; y < inner.height; ++y)
+                std::copy_n(whole.row(y), inner.width, inner.row(y));
+            const Image means = resize(inner, width, height);
+            const Image small = readSmallGrey(folder / name, by);
+            EXPECT_EQ(small.channels, 1);
+            EXPECT_EQ(small.width, (whole.width + by - 1) / by) << name << " 1/" << by;
+            EXPECT_EQ(small.height, (whole.height + by - 1) / by) << name << " 1/" << by;
+            int most = 0;
+            for (int y = 0; y < height; ++y)
+                for (int x = 0; x < width; ++x)
+                    most = std::max(most, std::abs(*small.pixel(x, y) - *means.pixel(x, y)));
+            EXPECT_LE(most, 4) << name << " 1/" << by;
+        }
+    EXPECT_THROW(readSmallGrey(folder / "none.jpg", 2), InputError);
+    folder.write("text.jpg", std::string("no picture"));
+    EXPECT_THROW(readSmallGrey(folder / "text.jpg", 2), InputError);
 }
 
 TEST(Mask, everyKind) {
@@ -297,6 +344,11 @@ TEST(Image, damageIsRefusedNotFollowed) {
             damaged[random() % damaged.size()] = static_cast<uint8_t>(random());
             damaged[random() % std::min<size_t>(damaged.size(), 64)] ^=
                 static_cast<uint8_t>(1u << (random() % 8));
+            try {
+                folder.write("damaged", damaged);
+                readSmallGrey(folder / "damaged", 2);
+            } catch (const InputError&) {
+            }
             try {
                 decodeImage(damaged, "damaged");
                 decodeMask(damaged, "damaged");

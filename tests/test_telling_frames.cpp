@@ -76,36 +76,51 @@ TEST(TellingFrames, AreTheSharperOnesOfNeighbours) {
     for (size_t i : tellingFrames(capture, cache, 6)) EXPECT_EQ(i / 2 % 2, 1u) << i;
 }
 
-// A person of eight by eight pixels walks to and fro before a background that is sharper than she
-// is.
-TEST(TellingFrames, AreTheSharperOnesOfAPersonWhoWalks) {
-    Folder folder;
+// A person of eight by eight places walks to and fro before a background that is sharper than she
+// is, in frames of so many pixels for each place across.
+Capture walk(const fs::path& folder, size_t frames, int scale) {
     Capture capture;
-    CaptureWriter writer(folder / "capture");
-    for (size_t i = 0; i < 300; ++i) {
+    CaptureWriter writer(folder);
+    const int width = kSide * scale;
+    for (size_t i = 0; i < frames; ++i) {
         const bool sharp = i / 2 % 2 == 1;
         const int left = 4 + 6 * (sharp ? 1 : 0);
         std::vector<uint8_t> rgb, mask;
         for (int y = 0; y < kSide; ++y)
-            for (int x = 0; x < kSide; ++x) {
-                const bool person = x >= left && x < left + 8 && y >= 8 && y < 16;
+            for (int x = 0; x < width; ++x) {
+                const int place = x / scale;
+                const bool person = place >= left && place < left + 8 && y >= 8 && y < 16;
                 mask.push_back(person ? 255 : 0);
                 for (int c = 0; c < 3; ++c)
-                    rgb.push_back(static_cast<uint8_t>(person ? (sharp ? 200 * (x / 2 % 2) : 10 * x)
-                                                              : 255 * ((x + y) % 2)));
+                    rgb.push_back(static_cast<uint8_t>(
+                        person ? (sharp ? 200 * (x / 2 % 2) : 10 * place) : 255 * (x / 2 % 2)));
             }
         const std::string name = fmt::format("f{}", i);
-        writer.addImage(name, kSide, kSide, rgb);
-        writer.addMask(name, kSide, kSide, mask);
-        capture.frames.push_back({name, {}, {}, {30, 30, kSide / 2.0, kSide / 2.0, kSide, kSide}});
+        writer.addImage(name, width, kSide, rgb);
+        writer.addMask(name, width, kSide, mask);
+        capture.frames.push_back(
+            {name, {}, {}, {30. * scale, 30, width / 2.0, kSide / 2.0, width, kSide}});
         capture.theta.push_back({});
         capture.theta.back()[1] = .02f * static_cast<float>(i);
         capture.trans.push_back({static_cast<float>(left + 4 - kSide / 2) / 10, 0, 3});
     }
     writer.commit(capture);
-    const Capture walk = readCapture(folder / "capture");
-    FrameCache cache(walk);
-    for (size_t i : tellingFrames(walk, cache, 6)) EXPECT_EQ(i / 2 % 2, 1u) << i;
+    return readCapture(folder);
+}
+
+TEST(TellingFrames, AreTheSharperOnesOfAPersonWhoWalks) {
+    Folder folder;
+    const Capture capture = walk(folder / "capture", 300, 1);
+    FrameCache cache(capture);
+    for (size_t i : tellingFrames(capture, cache, 6)) EXPECT_EQ(i / 2 % 2, 1u) << i;
+}
+
+// Whose frames are looked at in a half of their pixels.
+TEST(TellingFrames, AreTheSharperOnesOfLargeFrames) {
+    Folder folder;
+    const Capture capture = walk(folder / "capture", 40, 100);
+    FrameCache cache(capture);
+    for (size_t i : tellingFrames(capture, cache, 3)) EXPECT_EQ(i / 2 % 2, 1u) << i;
 }
 
 TEST(TellingFrames, AreNotDecodedWhereNoNeighbourIsLikeThem) {

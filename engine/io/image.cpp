@@ -132,17 +132,23 @@ std::vector<T> orient(std::vector<T> data, int& width, int& height, size_t chann
     return result;
 }
 
-template <typename T>
-std::vector<T> readPixels(PictureFile& picture, const std::string& name, size_t fileSize) {
+// InputError where the header lies.
+uint64_t pixelCount(const PictureFile& picture, const std::string& name, size_t fileSize) {
     const uint64_t pixels =
         static_cast<uint64_t>(picture.width) * static_cast<uint64_t>(picture.height);
-    // A 1-bit picture of one colour, deflated, has about 8000 pixels in a byte; more than that is a
-    // header that lies to take our memory.
+    // A 1-bit picture of one colour, deflated, has about 8000 pixels in a byte; with more than that
+    // a file is after our memory.
     if (pixels / 8400 > fileSize) {
         throwInput("{}: {} x {} pixels in {} bytes: the file is cut short or hostile", name,
                    picture.width, picture.height, fileSize);
     }
-    std::vector<T> data(pixels * static_cast<uint64_t>(picture.channels));
+    return pixels;
+}
+
+template <typename T>
+std::vector<T> readPixels(PictureFile& picture, const std::string& name, size_t fileSize) {
+    std::vector<T> data(pixelCount(picture, name, fileSize) *
+                        static_cast<uint64_t>(picture.channels));
     picture.read(std::span<T>(data));
     return data;
 }
@@ -277,12 +283,32 @@ Image::Image(int imageWidth, int imageHeight, int imageChannels, uint8_t fill)
     data.assign(rowBytes() * static_cast<size_t>(height), fill);
 }
 
+namespace {
+
+// Upright, in 1 or 3 channels and ceil(side / by) pixels a side. Empty where the file is no JPEG,
+// or one of a rare kind.
+Image decodeJpeg(const Format& format, const PictureFile& picture, Bytes file,
+                 const std::string& name, int channels, int by) {
+    if (std::strcmp(format.plugin, "jpeg") != 0) return {};
+    pixelCount(picture, name, file.size());
+    Image image = pictureCodecs().decodeJpeg(name, file, channels, by);
+    if (!image.empty())
+        image.data = orient(std::move(image.data), image.width, image.height, image.channelCount(),
+                            picture.orientation);
+    return image;
+}
+
+}  // namespace
+
 Image decodeImage(Bytes file, const std::string& name, int channels) {
     CHECK(channels == 0 || channels == 1 || channels == 3 || channels == 4,
           "channels must be 0, 1, 3 or 4, not {}", channels);
     const Format& format = formatOf(file, name);
     checkWhole(format, file, name);
     const auto picture = pictureCodecs().open(format.plugin, name, file);
+    if (channels >= 3)
+        if (Image jpeg = decodeJpeg(format, *picture, file, name, 3, 1); !jpeg.empty())
+            return convertChannels(std::move(jpeg), channels);
     Image image;
     image.width = picture->width;
     image.height = picture->height;
@@ -308,6 +334,30 @@ Image decodeImage(Bytes file, const std::string& name, int channels) {
 
 Image readImage(const fs::path& path, int channels) {
     return decodeImage(readWholeFile(path, uint64_t{4} << 30), path.string(), channels);
+}
+
+Image readSmallGrey(const fs::path& path, int by) {
+    CHECK(by == 1 || by == 2 || by == 4 || by == 8,
+          "a picture is read whole or a half, quarter or eighth as large, not 1/{}", by);
+    const std::vector<uint8_t> file = readWholeFile(path, uint64_t{4} << 30);
+    const std::string name = path.string();
+    const Format& format = formatOf(file, name);
+    checkWhole(format, file, name);
+    {
+        const auto picture = pictureCodecs().open(format.plugin, name, file);
+        Image jpeg = decodeJpeg(format, *picture, file, name, 1, by);
+        if (!jpeg.empty()) return jpeg;
+    }
+    // Beyond its edges there is what is at them, as in a JPEG.
+    const Image whole = decodeImage(file, name, 1);
+    const int width = (whole.width + by - 1) / by, height = (whole.height + by - 1) / by;
+    Image filled(width * by, height * by, 1);
+    for (int y = 0; y < filled.height; ++y) {
+        const uint8_t* row = whole.row(std::min(y, whole.height - 1));
+        std::copy_n(row, whole.width, filled.row(y));
+        std::fill(filled.row(y) + whole.width, filled.row(y) + filled.width, row[whole.width - 1]);
+    }
+    return resize(filled, width, height);
 }
 
 void checkImage(const fs::path& path) {

@@ -46,6 +46,11 @@ inline constexpr int kMaxImageSide = 16384;
 Image readImage(const std::filesystem::path& path, int channels = 3);
 Image decodeImage(std::span<const uint8_t> file, const std::string& name, int channels = 3);
 
+// In grey and smaller, ceil(side / by) pixels a side, each about the mean of by × by; by 1, 2, 4 or
+// 8. Of a JPEG only as much is decoded as that takes (its luma, Rec. 601). What is left over of
+// sides that are no multiples is at the right and the bottom, as the file has them.
+Image readSmallGrey(const std::filesystem::path& path, int by);
+
 // InputError where a PNG is cut short or has a wrong checksum, or a JPEG has no end: what is found
 // without decoding.
 void checkImage(const std::filesystem::path& path);

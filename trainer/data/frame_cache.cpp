@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "engine/error.h"
-#include "engine/io/image.h"
 
 namespace doppel {
 namespace fs = std::filesystem;
@@ -25,26 +24,30 @@ void divide(std::vector<uint8_t>& rgb, const Gain& gain) {
 FrameCache::FrameCache(const Capture& capture, size_t memoryBudget)
     : capture_(capture), budget_(memoryBudget) {}
 
-std::shared_ptr<const Picture> FrameCache::load(size_t frame) { return load(frame, true, true); }
+std::shared_ptr<const Picture> FrameCache::load(size_t frame) { return load(frame, true); }
 
-std::shared_ptr<const Picture> FrameCache::loadMask(size_t frame) {
-    return load(frame, false, true);
-}
+std::shared_ptr<const Picture> FrameCache::loadMask(size_t frame) { return load(frame, false); }
 
-std::shared_ptr<const Picture> FrameCache::loadColours(size_t frame) {
-    return load(frame, true, false);
-}
-
-std::shared_ptr<const Picture> FrameCache::load(size_t index, bool colours, bool mask) {
+Image FrameCache::readSmallGrey(size_t index, int by) {
     CHECK(index < capture_.size(), "frame {} is one of the capture's {}", index, capture_.size());
     const Frame& frame = capture_.frames[index];
-    mask = mask && frame.mask;
+    ++decoded_;
+    Image small = doppel::readSmallGrey(frame.image, by);
+    const int width = (frame.camera.width + by - 1) / by;
+    const int height = (frame.camera.height + by - 1) / by;
+    if (small.width != width || small.height != height)
+        throwInput("{}: expected {}×{} pixels, found about {}×{}", frame.image.string(),
+                   frame.camera.width, frame.camera.height, small.width * by, small.height * by);
+    return small;
+}
+
+std::shared_ptr<const Picture> FrameCache::load(size_t index, bool colours) {
+    CHECK(index < capture_.size(), "frame {} is one of the capture's {}", index, capture_.size());
+    const Frame& frame = capture_.frames[index];
     {
         const std::lock_guard lock(mutex_);
         for (auto at = kept_.begin(); at != kept_.end(); ++at) {
-            if (at->first != index || (colours && at->second->rgb.empty()) ||
-                (mask && at->second->mask.empty()))
-                continue;
+            if (at->first != index || (colours && at->second->rgb.empty())) continue;
             kept_.splice(kept_.begin(), kept_, at);
             return at->second;
         }
@@ -67,7 +70,7 @@ std::shared_ptr<const Picture> FrameCache::load(size_t index, bool colours, bool
     } else {
         checkImage(frame.image);  // rather than behind a stage that takes long
     }
-    if (mask) {
+    if (frame.mask) {
         Image image = readMask(*frame.mask);
         require(*frame.mask, image);
         picture->mask = std::move(image.data);

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "engine/io/image.h"
 #include "trainer/data/capture.h"
 
 namespace doppel {
@@ -31,14 +32,16 @@ public:
     // The same for who needs no colours, in a fraction of the time: rgb may be empty. The file of
     // the colours is looked at as far as checkImage() does.
     std::shared_ptr<const Picture> loadMask(size_t frame);
-    // The same without its mask, which may be empty.
-    std::shared_ptr<const Picture> loadColours(size_t frame);
+
+    // Its colours in grey, ceil(side / by) pixels a side (readSmallGrey()), not divided by a gain
+    // and not kept: of large frames in a fraction of the time.
+    Image readSmallGrey(size_t frame, int by);
 
     // Pictures that this process has decoded so far, by all caches.
     static uint64_t decoded() { return decoded_; }
 
 private:
-    std::shared_ptr<const Picture> load(size_t frame, bool colours, bool mask);
+    std::shared_ptr<const Picture> load(size_t frame, bool colours);
 
     static inline std::atomic<uint64_t> decoded_ = 0;
     const Capture& capture_;

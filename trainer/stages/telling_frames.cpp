@@ -72,6 +72,10 @@ private:
     std::array<float, kJoints> weights_;
 };
 
+// Sharpnesses that differ by less are the same for who chooses: a blur of a pixel takes more than
+// half.
+constexpr double kAsSharp = .1;
+
 // So many frames, each the one that is farthest from those before, beginning with the first; `left`
 // becomes the square of the distance that the next one would have.
 std::vector<size_t> farthestFrames(const PoseTable& poses, size_t count, size_t most, float& left) {
@@ -110,57 +114,59 @@ std::vector<size_t> farthestFrames(const PoseTable& poses, size_t count, size_t 
     return taken;
 }
 
-// The part of a frame in which the person is, and its mask [height][width], 255 the person.
+// Sharpness is looked at in frames of 2,000 pixels at the most, by halves: what is learned from are
+// crops of a quarter of that.
+int smallerBy(const Camera& camera) {
+    int by = 1;
+    while (by < 8 && std::max(camera.width, camera.height) > 2048 * by) by *= 2;
+    return by;
+}
+
+// The part of a frame in which the person is, and its mask [height][width], 255 the person, both in
+// pixels of the smaller frame.
 struct PersonBox {
     int left = 0, top = 0, width = 0, height = 0;
     std::vector<uint8_t> mask;
 };
 
-PersonBox personBox(const Picture& picture) {
-    if (picture.mask.empty())
-        return {0, 0, picture.width, picture.height,
-                std::vector<uint8_t>(
-                    static_cast<size_t>(picture.width) * static_cast<size_t>(picture.height), 255)};
-    int left = picture.width, right = 0, top = picture.height, bottom = 0;
-    for (int y = 0; y < picture.height; ++y) {
-        const auto row = std::span(picture.mask)
-                             .subspan(static_cast<size_t>(y) * static_cast<size_t>(picture.width),
-                                      static_cast<size_t>(picture.width));
-        const auto first = std::ranges::find(row, 255);
-        if (first == row.end()) continue;
-        const auto behind = std::find(row.rbegin(), row.rend(), 255).base();
-        left = std::min(left, static_cast<int>(first - row.begin()));
-        right = std::max(right, static_cast<int>(behind - row.begin()));
-        top = std::min(top, y);
-        bottom = y + 1;
-    }
+PersonBox personBox(const Picture& picture, int by) {
+    const int width = (picture.width + by - 1) / by, height = (picture.height + by - 1) / by;
+    const auto at = [&](int x, int y) {
+        return picture.mask.empty()
+                   ? uint8_t{255}
+                   : picture.mask[static_cast<size_t>(y * by) * static_cast<size_t>(picture.width) +
+                                  static_cast<size_t>(x * by)];
+    };
+    int left = width, right = 0, top = height, bottom = 0;
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x)
+            if (at(x, y) == 255) {
+                left = std::min(left, x);
+                right = std::max(right, x + 1);
+                top = std::min(top, y);
+                bottom = y + 1;
+            }
     PersonBox box{left, top, std::max(0, right - left), std::max(0, bottom - top), {}};
-    for (int y = top; y < bottom; ++y) {
-        const uint8_t* row =
-            &picture.mask[static_cast<size_t>(y) * static_cast<size_t>(picture.width)];
-        box.mask.insert(box.mask.end(), row + left, row + right);
-    }
+    for (int y = top; y < bottom; ++y)
+        for (int x = left; x < right; ++x) box.mask.push_back(at(x, y));
     return box;
 }
 
-// Within the mask, moved by so many pixels.
-double sharpnessOf(const Picture& picture, const PersonBox& person, glm::ivec2 moved) {
+// Within the mask, moved by so many pixels of the smaller frame.
+double sharpnessOf(const Image& grey, const PersonBox& person, glm::ivec2 moved) {
     const int left = person.left + moved.x, top = person.top + moved.y;
     return sharpness(
         person.width, person.height,
-        [&](int x, int y) {
-            const uint8_t* p =
-                &picture.rgb[3 * static_cast<size_t>((y + top) * picture.width + x + left)];
-            return (p[0] + 2 * p[1] + p[2]) / 4.0;
-        },
+        [&](int x, int y) { return static_cast<double>(*grey.pixel(x + left, y + top)); },
         [&](int x, int y) {
             return person.mask[static_cast<size_t>(y * person.width + x)] == 255 && x + left > 0 &&
-                   x + left + 1 < picture.width && y + top > 0 && y + top + 1 < picture.height;
+                   x + left + 1 < grey.width && y + top > 0 && y + top + 1 < grey.height;
         });
 }
 
-// By how many pixels the body's origin is elsewhere in frame b than in frame a.
-glm::ivec2 movedBetween(const Capture& capture, size_t a, size_t b) {
+// By how many pixels of the smaller frame the body's origin is elsewhere in frame b than in frame
+// a.
+glm::ivec2 movedBetween(const Capture& capture, size_t a, size_t b, int by) {
     const auto placeIn = [&](size_t frame) {
         const Camera& camera = capture.frames[frame].camera;
         const Trans& at = capture.trans[frame];
@@ -168,7 +174,8 @@ glm::ivec2 movedBetween(const Capture& capture, size_t a, size_t b) {
         return glm::dvec2(camera.fx * at[0] / depth + camera.cx,
                           camera.fy * at[1] / depth + camera.cy);
     };
-    return glm::round(glm::clamp(placeIn(b) - placeIn(a), -1. * kMaxImageSide, 1. * kMaxImageSide));
+    const glm::dvec2 moved = (placeIn(b) - placeIn(a)) / static_cast<double>(by);
+    return glm::round(glm::clamp(moved, -1. * kMaxImageSide, 1. * kMaxImageSide));
 }
 
 }  // namespace
@@ -201,18 +208,23 @@ std::vector<size_t> tellingFrames(const Capture& capture, FrameCache& cache, siz
     std::vector<size_t> looked;
     for (size_t middle : taken)
         if (!neighbours(middle).empty()) looked.push_back(middle);
-    std::map<size_t, std::vector<double>> sharp;  // of a frame, and of its neighbours
+    // Of a frame, and of its neighbours as far as they were looked at.
+    std::map<size_t, std::vector<double>> sharp;
     Progress progress("choosing frames", static_cast<int64_t>(looked.size()), kQuiet);
     shareWork(
         ranks, looked.size(),
         [&](size_t k) {
             const size_t middle = looked[k];
-            const PersonBox person = personBox(*cache.loadMask(middle));
+            const int by = smallerBy(capture.frames[middle].camera);
+            const PersonBox person = personBox(*cache.loadMask(middle), by);
             std::vector<double> found{
-                sharpnessOf(*cache.loadColours(middle), person, glm::ivec2(0))};
-            for (size_t other : neighbours(middle))
-                found.push_back(sharpnessOf(*cache.loadColours(other), person,
-                                            movedBetween(capture, middle, other)));
+                sharpnessOf(cache.readSmallGrey(middle, by), person, glm::ivec2(0))};
+            for (size_t other : neighbours(middle)) {
+                // Two that are as sharp as each other: so is the third.
+                if (found.size() > 1 && std::abs(found[1] - found[0]) < kAsSharp * found[0]) break;
+                found.push_back(sharpnessOf(cache.readSmallGrey(other, by), person,
+                                            movedBetween(capture, middle, other, by)));
+            }
             std::vector<uint8_t> bytes(found.size() * sizeof(double));
             std::memcpy(bytes.data(), found.data(), bytes.size());
             return bytes;
@@ -231,7 +243,7 @@ std::vector<size_t> tellingFrames(const Capture& capture, FrameCache& cache, siz
         const std::vector<double>& found = sharp.at(frame);
         size_t best = frame;
         double top = found[0];
-        for (size_t n = 0; n < others.size(); ++n)
+        for (size_t n = 0; n + 1 < found.size(); ++n)
             if (!chosen[others[n]] && found[n + 1] > top) best = others[n], top = found[n + 1];
         chosen[frame] = false;
         chosen[best] = true;

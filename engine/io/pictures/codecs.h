@@ -1,6 +1,6 @@
-// What io/image.cpp has a library do: pictures from bytes and back, as the file has them. The
-// library is OpenImageIO, which takes a third of a second to load, with a hundred libraries of its
-// own: it is in a module, doppel-pictures.so, which is loaded with the first picture.
+// What io/image.cpp has libraries do: pictures from bytes and back, as the file has them. They are
+// OpenImageIO, which takes a third of a second to load, with a hundred libraries of its own, and
+// libjpeg-turbo: they are in a module, doppel-pictures.so, which is loaded with the first picture.
 #pragma once
 
 #include <cstdint>
@@ -40,6 +40,12 @@ public:
     // name. InputError names it.
     virtual std::unique_ptr<PictureFile> open(const char* format, const std::string& name,
                                               std::span<const uint8_t> file) = 0;
+    // A JPEG of grey or YCbCr in 1 or 3 channels, ceil(side / by) pixels a side, by 1, 2, 4 or 8,
+    // as it is stored (not turned): the colours that open() has, in two thirds of the time. Empty
+    // where it is of another kind (CMYK). InputError names it where it is damaged or has sides of
+    // more than kMaxImageSide.
+    virtual Image decodeJpeg(const std::string& name, std::span<const uint8_t> file, int channels,
+                             int by) = 0;
     // "png" or "jpeg" (which has no alpha). MachineError names `name`.
     virtual std::vector<uint8_t> encode(const Image& image, const char* format,
                                         const std::string& name, const std::string& software) = 0;

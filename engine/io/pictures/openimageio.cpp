@@ -1,6 +1,8 @@
-// The module doppel-pictures.so: PictureCodecs by OpenImageIO.
+// The module doppel-pictures.so: PictureCodecs by OpenImageIO, and JPEGs by libjpeg-turbo, which
+// decodes no more of them than is asked for.
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
+#include <turbojpeg.h>
 
 #include <cctype>
 #include <cstring>
@@ -92,6 +94,33 @@ public:
         else
             proxy = std::make_unique<OIIO::Filesystem::IOMemReader>(file.data(), file.size());
         return std::make_unique<OiioFile>(format, name, std::move(proxy));
+    }
+
+    Image decodeJpeg(const std::string& name, std::span<const uint8_t> file, int channels,
+                     int by) override {
+        const std::unique_ptr<void, int (*)(void*)> decoder(tjInitDecompress(), tjDestroy);
+        if (!decoder) throwMachine("{}: no memory is left to decode it", name);
+        // What it warns of, OpenImageIO reads without a word.
+        const auto require = [&](int result) {
+            if (result == 0 || tjGetErrorCode(decoder.get()) == TJERR_WARNING) return;
+            throwInput("{}: cannot be decoded: {}", name, oneLine(tjGetErrorStr2(decoder.get())));
+        };
+        int width = 0, height = 0, subsampling = 0, space = 0;
+        require(tjDecompressHeader3(decoder.get(), file.data(), file.size(), &width, &height,
+                                    &subsampling, &space));
+        if (width < 1 || height < 1 || width > kMaxImageSide || height > kMaxImageSide)
+            throwInput("{}: {} x {} pixels; expected at most {} a side", name, width, height,
+                       kMaxImageSide);
+        if (space != TJCS_YCbCr && space != TJCS_GRAY) return {};
+        Image image;  // whose other constructor is the program's
+        image.width = (width + by - 1) / by;
+        image.height = (height + by - 1) / by;
+        image.channels = channels;
+        image.data.resize(image.rowBytes() * static_cast<size_t>(image.height));
+        require(tjDecompress2(decoder.get(), file.data(), file.size(), image.data.data(),
+                              image.width, 0, image.height, channels == 1 ? TJPF_GRAY : TJPF_RGB,
+                              0));
+        return image;
     }
 
     std::vector<uint8_t> encode(const Image& image, const char* format, const std::string& name,
