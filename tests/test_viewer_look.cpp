@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "tests/viewer_test.h"
+#include "viewer/overlays.h"
 #include "viewer/picture/legend.h"
 #include "viewer/widgets.h"
 #include "viewer/window/look.h"
@@ -340,6 +341,18 @@ TEST(Look, WordsHaveTheContrastOfLevelAA) {
         }
     }
     ImGui::DestroyContext();
+}
+
+TEST(Look, HandlesHaveTheContrastOfLevelAAOverAnyPicture) {
+    std::vector<ImU32> handles{kJointColour, kHoveredColour, kSelectedColour, kPinColour};
+    handles.insert(handles.end(), std::begin(kRingColours), std::end(kRingColours));
+    for (const ImU32 handle : handles)
+        for (float picture = 0; picture <= 1; picture += .125f) {
+            const ImVec4 ground{picture, picture, picture, 1};
+            const ImVec4 rim = over(ImGui::ColorConvertU32ToFloat4(kRim), ground);
+            EXPECT_GE(contrast(over(ImGui::ColorConvertU32ToFloat4(handle), rim), rim), 3)
+                << std::hex << handle << " over " << picture;
+        }
 }
 
 }  // namespace

@@ -66,9 +66,9 @@ void Viewer::drawOverlays() {
             if (skeleton().parents[j] >= 0) {
                 glm::dvec3 up =
                     onScreen(body.position[static_cast<size_t>(skeleton().parents[j])], pane);
-                if (up.z > 0)
-                    list.AddLine(toImGui(at), toImGui(up), IM_COL32(255, 255, 255, 70),
-                                 1.5f * unit);
+                if (up.z <= 0) continue;
+                list.AddLine(toImGui(at), toImGui(up), IM_COL32(0, 0, 0, 60), 3 * unit);
+                list.AddLine(toImGui(at), toImGui(up), IM_COL32(255, 255, 255, 110), 1.5f * unit);
             }
         }
         for (size_t j = 0; j < joint::kCount; ++j) {
@@ -76,16 +76,15 @@ void Viewer::drawOverlays() {
             glm::dvec3 at = onScreen(body.position[j], pane);
             if (at.z <= 0) continue;
             float radius = unit * (hot ? 6.5f : chosen ? 5.5f : 3.5f);
-            ImU32 colour = chosen ? IM_COL32(255, 180, 60, 255)
-                           : hot  ? IM_COL32(255, 230, 150, 255)
-                                  : IM_COL32(120, 190, 255, 220);
-            list.AddCircleFilled(toImGui(at), radius + 1.5f * unit, IM_COL32(0, 0, 0, 150));
+            ImU32 colour = chosen ? kSelectedColour : hot ? kHoveredColour : kJointColour;
+            list.AddCircleFilled(toImGui(at), radius + 1.5f * unit, kRim);
             list.AddCircleFilled(toImGui(at), radius, colour);
             if (pins_.contains(j)) {
                 ImVec2 c = toImGui(at);
                 const float side = 8 * unit;
-                list.AddRect({c.x - side, c.y - side}, {c.x + side, c.y + side},
-                             IM_COL32(255, 90, 90, 255), 0, 0, 2 * unit);
+                const ImVec2 low{c.x - side, c.y - side}, high{c.x + side, c.y + side};
+                list.AddRect(low, high, kRim, 0, 0, 5 * unit);
+                list.AddRect(low, high, kPinColour, 0, 0, 2 * unit);
             }
         }
         if (selected_) {
@@ -98,12 +97,11 @@ void Viewer::drawOverlays() {
                 std::vector<glm::dvec2> at = ring(axis, pane);
                 std::ranges::transform(at, points.begin(), toImGui);
                 bool hot = (hit && hit->axis == axis) || drag_ == Drag::Ring;
-                ImU32 alpha = hot ? 255 : 170;
-                ImU32 colour = axis == 0   ? IM_COL32(235, 80, 80, alpha)
-                               : axis == 1 ? IM_COL32(100, 210, 100, alpha)
-                                           : IM_COL32(90, 140, 255, alpha);
-                list.AddPolyline(points.data(), kRingPoints, colour, ImDrawFlags_Closed,
-                                 unit * (hot ? 3.0f : 1.8f));
+                const float width = unit * (hot ? 3.0f : 1.8f);
+                list.AddPolyline(points.data(), kRingPoints, kRim, ImDrawFlags_Closed,
+                                 width + 2.5f * unit);
+                list.AddPolyline(points.data(), kRingPoints, kRingColours[axis], ImDrawFlags_Closed,
+                                 width);
             }
         }
         list.PopClipRect();
