@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "nn/ops/fit.h"
 #include "nn/steps/light.h"
@@ -193,6 +194,21 @@ int stepsForVisits(int times, const Capture& capture, const SurfacePreset& prese
     return std::max(1, times * static_cast<int>(capture.size()) / preset.batch);
 }
 
+// Rounds of steps in which poses are fitted to pictures, each with rates that fall and priors from
+// where it begins, go on while one still turns joints by as much as kSettled, radians, in the mean
+// over their components. What turns by hardly less than in the round before does not settle: it
+// wanders, for frames are too small to tell.
+constexpr int kMostRounds = 4;
+constexpr double kSettled = .013, kWanders = .9;
+
+double turnedBetween(std::span<const Theta> before, std::span<const Theta> after) {
+    double sum = 0;
+    for (size_t f = 0; f < before.size(); ++f)
+        for (size_t i = 0; i < before[f].size(); ++i)
+            sum += std::abs(static_cast<double>(after[f][i]) - static_cast<double>(before[f][i]));
+    return sum / static_cast<double>(before.size() * Theta().size());
+}
+
 }  // namespace
 
 FitResult fitPosesToMasks(Device& device, const Avatar& avatar, Capture& capture, uint64_t seed) {
@@ -208,7 +224,7 @@ FitResult fitPosesToMasks(Device& device, const Avatar& avatar, Capture& capture
     return result;
 }
 
-void fitPosesToPictures(Device& device, const Avatar& avatar, Capture& capture, uint64_t seed) {
+int fitPosesToPictures(Device& device, const Avatar& avatar, Capture& capture, uint64_t seed) {
     // Outlines have done their part: colours move poses freely, and by single pixels.
     SurfaceRun run{.stage = "poses",
                    .preset = avatar.preset.texels,
@@ -223,7 +239,14 @@ void fitPosesToPictures(Device& device, const Avatar& avatar, Capture& capture, 
     run.preset.priorTrans = .1;
     run.preset.colour2 = 1;
     run.preset.colour4 = 0;
-    runSurface(device, avatar.body, capture, run);
+    double before = std::numeric_limits<double>::max();
+    for (int round = 1;; ++round) {
+        const std::vector<Theta> start = capture.theta;
+        runSurface(device, avatar.body, capture, run);
+        const double turned = turnedBetween(start, capture.theta);
+        if (round == kMostRounds || turned < kSettled || turned > kWanders * before) return round;
+        before = turned;
+    }
 }
 
 void planShape(Device& device, const Avatar& avatar, const Capture& capture,
