@@ -1,4 +1,5 @@
-// Pictures: PNG, JPEG, TIFF, WebP, BMP, OpenEXR and PNM in; PNG and JPEG out. By OpenImageIO.
+// Pictures: PNG, JPEG, TIFF, WebP, BMP, OpenEXR and PNM in; PNG and JPEG out. By OpenImageIO and
+// libjpeg-turbo.
 #pragma once
 
 #include <cstddef>

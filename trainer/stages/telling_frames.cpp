@@ -72,8 +72,7 @@ private:
     std::array<float, kJoints> weights_;
 };
 
-// Sharpnesses that differ by less are the same for who chooses: a blur of a pixel takes more than
-// half.
+// Sharpnesses that differ by less than this part are the same for who chooses.
 constexpr double kAsSharp = .1;
 
 // So many frames, each the one that is farthest from those before, beginning with the first; `left`
