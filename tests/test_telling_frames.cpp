@@ -123,6 +123,18 @@ TEST(TellingFrames, AreTheSharperOnesOfLargeFrames) {
     for (size_t i : tellingFrames(capture, cache, 3)) EXPECT_EQ(i / 2 % 2, 1u) << i;
 }
 
+// A mask and two pictures of each: the third of three is not looked at.
+TEST(TellingFrames, LookAtTwoThatAreAsSharpAsEachOther) {
+    Folder folder;
+    std::vector<Theta> poses(300);
+    for (size_t i = 0; i < poses.size(); ++i) poses[i][1] = .02f * static_cast<float>(i);
+    const Capture capture = striped(folder / "capture", poses, [](size_t) { return true; });
+    FrameCache cache(capture);
+    const uint64_t before = FrameCache::decoded();
+    EXPECT_EQ(tellingFrames(capture, cache, 6).size(), 6u);
+    EXPECT_EQ(FrameCache::decoded() - before, 6u * 3);
+}
+
 TEST(TellingFrames, AreNotDecodedWhereNoNeighbourIsLikeThem) {
     Folder folder;
     std::vector<Theta> poses(40);

@@ -1,5 +1,4 @@
-// Pictures: PNG, JPEG, TIFF, WebP, BMP, OpenEXR and PNM in; PNG and JPEG out. By OpenImageIO and
-// libjpeg-turbo.
+// Pictures: PNG, JPEG, TIFF, WebP, BMP, OpenEXR and PNM in; PNG and JPEG out. By OpenImageIO.
 #pragma once
 
 #include <cstddef>

@@ -42,8 +42,8 @@ FitResult fitPosesToMasks(Device& device, const Avatar& avatar, Capture& capture
 
 // From there on by the colours of the pictures as well, with the coarse texture and without the
 // networks, in rounds, four at most, until they hardly turn any more: poses of another body's
-// estimator have farther to go than the demo's. Replaces capture.theta
-// and trans, and gains where the avatar was trained with them. Returns how many rounds it were.
+// estimator have farther to go than the demo's. Replaces capture.theta and trans, and gains where
+// the avatar was trained with them. Returns how many rounds it were.
 int fitPosesToPictures(Device& device, const Avatar& avatar, Capture& capture, uint64_t seed);
 
 }  // namespace doppel
