@@ -212,7 +212,7 @@ std::vector<std::string> refusalsOf(const DeviceInfo& info) {
     std::vector<std::string> refusals;
     if (info.api < VK_API_VERSION_1_2)
         refusals.push_back(fmt::format("Vulkan {} is older than 1.2", info.apiVersion));
-    if (!info.scalarLayout) refusals.push_back("no scalarBlockLayout");
+    if (!info.scalarLayout) refusals.emplace_back("no scalarBlockLayout");
     if (info.maxWorkgroupInvocations < 256)
         refusals.push_back(fmt::format("workgroups of {} invocations at most; 256 are needed",
                                        info.maxWorkgroupInvocations));
@@ -318,7 +318,7 @@ DeviceInfo describeDevice(VkInstance instance, VkPhysicalDevice physical, uint32
     info.kernelPath =
         kernelPathOf(info, info.addresses ? Binding::Addresses : Binding::Descriptors);
     info.refusals = refusalsOf(info);
-    if (!computeQueueFamily(physical)) info.refusals.push_back("no compute queue");
+    if (!computeQueueFamily(physical)) info.refusals.emplace_back("no compute queue");
     return info;
 }
 

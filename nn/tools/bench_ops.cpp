@@ -1,5 +1,6 @@
 // Every op at the sizes that the paper's stages give it, through the same declarations that
 // op_runner uses.
+#include <algorithm>
 #include <map>
 #include <numeric>
 #include <optional>

@@ -1,4 +1,5 @@
 // Which tiles of products a device runs best.
+#include <algorithm>
 #include <cmath>
 
 #include "nn/core/tuning.h"

@@ -11,11 +11,11 @@ Measures::Measures(Device& device, const MeasureOptions& options) {
 std::vector<std::string> Measures::remarks(size_t clips) const {
     std::vector<std::string> remarks;
     if (!lpips)
-        remarks.push_back(
+        remarks.emplace_back(
             "LPIPS was left out: it takes --lpips BACKBONE,HEADS, the weights of torchvision's "
             "network and of LPIPS 0.1's heads (.safetensors or .pth)");
     if (!videoFeatures)
-        remarks.push_back(
+        remarks.emplace_back(
             "FVD was left out: it takes --fvd FILE, the weights of Inception-3D (RGB, Kinetics; "
             ".safetensors or .pt)");
     else if (clips < 2)

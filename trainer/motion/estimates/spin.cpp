@@ -123,7 +123,7 @@ std::vector<fs::path> picklesOf(const fs::path& folder) {
 std::string pictureOf(const fs::path& file) {
     std::string name = file.stem().string();
     for (const std::string_view end : {"_body", ".png", ".jpg", "_IUV"})
-        if (name.ends_with(end)) name.resize(name.size() - end.size());
+        if (name.ends_with(end)) name.erase(name.size() - end.size());
     return name;
 }
 
