@@ -12,6 +12,7 @@
 #include "trainer/data/body_render.h"
 #include "trainer/data/progress.h"
 #include "trainer/stages/rim.h"
+#include "trainer/stages/unseen_colours.h"
 
 namespace doppel {
 
@@ -148,6 +149,49 @@ std::vector<int64_t> mirrorImages(const BodyModel& body, const std::vector<Texel
     return mirrored;
 }
 
+// Texels that are not known from those that are, along the body's surface; `trust` [size,size] says
+// how well these were seen. Those for which none is left stay unknown.
+void takeFromNeighbours(const BodyModel& body, const std::vector<TexelPlace>& places,
+                        const std::vector<double>& trust, FirstTexels& first,
+                        std::vector<uint8_t>& known) {
+    const auto vertices = static_cast<size_t>(body.vertexCount);
+    std::vector<glm::dvec3> colours(vertices);
+    std::vector<double> trusted(vertices), shares(vertices);
+    auto atCorners = [&](size_t texel, const auto& visit) {
+        for (size_t k = 0; k < 3; ++k)
+            visit(static_cast<size_t>(body.faces[3 * static_cast<size_t>(places[texel].face) + k]),
+                  double{places[texel].corners[k]});
+    };
+    for (size_t i = 0; i < places.size(); ++i) {
+        if (!known[i] || places[i].face < 0) continue;
+        const float* rgb = &first.texture[3 * i];
+        const double seen = std::min(1.0, trust[i]);
+        atCorners(i, [&](size_t v, double share) {
+            colours[v] += share * seen * glm::dvec3(rgb[0], rgb[1], rgb[2]);
+            trusted[v] += share * seen;
+            shares[v] += share;
+        });
+    }
+    for (size_t v = 0; v < vertices; ++v) {
+        if (trusted[v] > 0) colours[v] /= trusted[v];
+        if (shares[v] > 0) trusted[v] /= shares[v];
+    }
+    const UnseenColours unseen = unseenColours(body, colours, trusted);
+    for (size_t i = 0; i < places.size(); ++i) {
+        if (known[i] || places[i].face < 0) continue;
+        glm::dvec3 sum(0);
+        bool reached = true;
+        atCorners(i, [&](size_t v, double share) {
+            sum += share * unseen.colours[v];
+            reached = reached && unseen.reached[v];
+        });
+        if (!reached) continue;
+        known[i] = 1;
+        for (int c = 0; c < 3; ++c)
+            first.texture[3 * i + static_cast<size_t>(c)] = static_cast<float>(sum[c]);
+    }
+}
+
 }  // namespace
 
 double FirstTexels::part(TexelOrigin from) const {
@@ -240,7 +284,12 @@ FirstTexels backProject(Device& device, const BodyModel& body, const Capture& ca
         first.origin[i] = kFromOtherSide;
         std::copy_n(&first.texture[3 * static_cast<size_t>(mirrored[i])], 3, &first.texture[3 * i]);
     }
-    for (size_t i = 0; i < places.size(); ++i) known[i] |= first.origin[i] == kFromOtherSide;
+    for (size_t i = 0; i < places.size(); ++i) {
+        if (first.origin[i] != kFromOtherSide) continue;
+        known[i] = 1;
+        totals[i] = totals[static_cast<size_t>(mirrored[i])];
+    }
+    takeFromNeighbours(body, places, totals, first, known);
     fillHoles(first.texture, known, static_cast<size_t>(size), static_cast<size_t>(size));
     return first;
 }
