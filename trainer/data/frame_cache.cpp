@@ -4,11 +4,15 @@
 #include <cmath>
 
 #include "engine/error.h"
+#include "trainer/data/mask_runs.h"
 
 namespace doppel {
 namespace fs = std::filesystem;
 
 namespace {
+
+// Of all caches: stages follow each other over the same masks, each with a cache of its own.
+KeptMasks keptMasks(size_t{64} << 20);
 
 void divide(std::vector<uint8_t>& rgb, const Gain& gain) {
     std::array<std::array<uint8_t, 256>, 3> table;
@@ -71,8 +75,10 @@ std::shared_ptr<const Picture> FrameCache::load(size_t index, bool colours) {
         checkImage(frame.image);  // rather than behind a stage that takes long
     }
     if (frame.mask) {
-        Image image = readMask(*frame.mask);
+        std::optional<Image> kept = keptMasks.find(*frame.mask);
+        Image image = kept ? std::move(*kept) : readMask(*frame.mask);
         require(*frame.mask, image);
+        if (!kept) keptMasks.keep(*frame.mask, image);
         picture->mask = std::move(image.data);
     }
     const std::lock_guard lock(mutex_);

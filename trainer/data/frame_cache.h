@@ -37,7 +37,7 @@ public:
     // and not kept: of large frames in a fraction of the time.
     Image readSmallGrey(size_t frame, int by);
 
-    // Pictures that this process has decoded so far, by all caches.
+    // Pictures that all caches of this process have decoded so far, be it masks from their runs.
     static uint64_t decoded() { return decoded_; }
 
 private:

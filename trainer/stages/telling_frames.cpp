@@ -241,7 +241,7 @@ std::vector<size_t> tellingFrames(const Capture& capture, FrameCache& cache, siz
         if (others.empty()) continue;
         const std::vector<double>& found = sharp.at(frame);
         size_t best = frame;
-        double top = found[0];
+        double top = (1 + kAsSharp) * found[0];
         for (size_t n = 0; n + 1 < found.size(); ++n)
             if (!chosen[others[n]] && found[n + 1] > top) best = others[n], top = found[n + 1];
         chosen[frame] = false;
