@@ -1,5 +1,5 @@
 // What fingers lie before leaves its colours on them: hands have one colour, or are left alone.
-#include "trainer/stages/hand_colours.h"
+#include "trainer/stages/colours/hand_colours.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Masks that are kept as runs: the same pixels, of the file as it is now, within a budget.
-#include "trainer/data/mask_runs.h"
+#include "trainer/data/pictures/mask_runs.h"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>

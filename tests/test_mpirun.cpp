@@ -127,10 +127,12 @@ TEST_F(MpiRun, ARankThatDiesEndsAllAndOneProcessGoesOn) {
     EXPECT_THAT(killed.err, HasSubstr("signal 9"));
     ASSERT_TRUE(fs::exists(checkpoint));
     std::this_thread::sleep_for(std::chrono::seconds(1));  // until the lock is free
-    const Outcome alone = doppel(words, nullptr, [&](pid_t child) {
-        std::this_thread::sleep_for(std::chrono::seconds(3));
-        kill(child, SIGINT);
-    });
+    const Outcome alone =
+        doppel(words, nullptr, [&, kept = fs::last_write_time(checkpoint)](pid_t child) {
+            for (int i = 0; i < 1200 && fs::last_write_time(checkpoint) == kept; ++i)
+                std::this_thread::sleep_for(std::chrono::milliseconds(50));
+            kill(child, SIGINT);
+        });
     EXPECT_EQ(alone.status, 130) << alone.err;
     EXPECT_THAT(alone.err, AllOf(HasSubstr("mesh: going on after step"), HasSubstr("kept: ")));
 }

@@ -1,5 +1,5 @@
 // Colours of what no picture shows, from what one from the front does.
-#include "trainer/stages/unseen_colours.h"
+#include "trainer/stages/colours/unseen_colours.h"
 
 #include <gtest/gtest.h>
 

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "engine/error.h"
-#include "trainer/data/mask_runs.h"
+#include "trainer/data/pictures/mask_runs.h"
 
 namespace doppel {
 namespace fs = std::filesystem;

@@ -11,8 +11,8 @@
 #include "trainer/avatar/background.h"
 #include "trainer/data/body_render.h"
 #include "trainer/data/progress.h"
+#include "trainer/stages/colours/unseen_colours.h"
 #include "trainer/stages/rim.h"
-#include "trainer/stages/unseen_colours.h"
 
 namespace doppel {
 

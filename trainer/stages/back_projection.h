@@ -25,9 +25,9 @@ struct FirstTexels {
 // outermost pixels of a mask, before a screen in the `rim` outermost, whose colours are the
 // inside's (rim.h). A place counts where no other part of the body is before it, and where it is
 // not seen from its side. A texel that no frame sees takes its mirror image on the body's other
-// side where a frame sees that, else what lies around it on the body (unseen_colours.h). The frames
-// need masks. Each rank looks at its part of the frames; all get the same, which differs from one
-// process's by rounding.
+// side where a frame sees that, else what lies around it on the body (colours/unseen_colours.h).
+// The frames need masks. Each rank looks at its part of the frames; all get the same, which differs
+// from one process's by rounding.
 FirstTexels backProject(Device& device, const BodyModel& body, const Capture& capture,
                         FrameCache& frames, int size, int rim, Ranks* ranks = nullptr);
 

@@ -9,8 +9,8 @@
 #include "trainer/avatar/background.h"
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/stages/back_projection.h"
+#include "trainer/stages/colours/hand_colours.h"
 #include "trainer/stages/fit.h"
-#include "trainer/stages/hand_colours.h"
 #include "trainer/stages/live_state.h"
 #include "trainer/stages/training_frames.h"
 

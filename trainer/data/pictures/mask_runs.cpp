@@ -1,4 +1,4 @@
-#include "trainer/data/mask_runs.h"
+#include "trainer/data/pictures/mask_runs.h"
 
 #include <algorithm>
 #include <cstring>

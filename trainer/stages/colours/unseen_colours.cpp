@@ -1,4 +1,4 @@
-#include "trainer/stages/unseen_colours.h"
+#include "trainer/stages/colours/unseen_colours.h"
 
 #include <Eigen/SparseCholesky>
 #include <algorithm>

@@ -1,4 +1,4 @@
-#include "trainer/stages/hand_colours.h"
+#include "trainer/stages/colours/hand_colours.h"
 
 #include <algorithm>
 #include <array>
