@@ -187,8 +187,10 @@ void takeFromNeighbours(const BodyModel& body, const std::vector<TexelPlace>& pl
         });
         if (!reached) continue;
         known[i] = 1;
+        // Linear elements may overshoot what was seen.
         for (int c = 0; c < 3; ++c)
-            first.texture[3 * i + static_cast<size_t>(c)] = static_cast<float>(sum[c]);
+            first.texture[3 * i + static_cast<size_t>(c)] =
+                static_cast<float>(std::clamp(sum[c], 0.0, 1.0));
     }
 }
 
