@@ -95,7 +95,9 @@ Device::Device(DeviceOptions options) {
         // A CPU emulates them, several times slower than plain kernels: for tests.
         const bool units = kernelPath().onCpu ? environmentSays("DOPPEL_MATRIX_UNITS", "emulated")
                                               : !environmentSays("DOPPEL_MATRIX_UNITS", "off");
-        if (precision_ == Precision::Mixed && addresses && units) matrixUnits_ = info_.halfMatrices;
+        const bool judged = !validation || validationKnowsMatrices();
+        if (precision_ == Precision::Mixed && addresses && units && judged)
+            matrixUnits_ = info_.halfMatrices;
 
         float priority = 1;
         VkDeviceQueueCreateInfo queueInfo{VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO};

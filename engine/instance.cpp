@@ -1,5 +1,6 @@
 #include "engine/instance.h"
 
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <mutex>
@@ -9,6 +10,8 @@
 namespace doppel {
 
 namespace {
+
+constexpr const char* kValidationLayer = "VK_LAYER_KHRONOS_validation";
 
 std::mutex messageMutex;
 std::vector<std::string> messages;
@@ -51,6 +54,17 @@ bool validationWanted() {
     return set && std::string_view(set) == "1";
 }
 
+bool validationKnowsMatrices() {
+    uint32_t count = 0;
+    VK_CHECK(vkEnumerateInstanceLayerProperties(&count, nullptr));
+    std::vector<VkLayerProperties> layers(count);
+    if (count > 0) VK_CHECK(vkEnumerateInstanceLayerProperties(&count, layers.data()));
+    return std::ranges::any_of(layers, [](const VkLayerProperties& layer) {
+        return std::string_view(layer.layerName) == kValidationLayer &&
+               layer.specVersion >= VK_MAKE_API_VERSION(0, 1, 3, 255);
+    });
+}
+
 std::vector<std::string> validationMessages() {
     std::lock_guard lock(messageMutex);
     return messages;
@@ -63,7 +77,6 @@ VkInstance createInstance(bool validation, std::span<const char* const> extensio
     VkInstanceCreateInfo info{VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO};
     info.pApplicationInfo = &application;
 
-    const char* layer = "VK_LAYER_KHRONOS_validation";
     std::vector<const char*> wanted(extensions.begin(), extensions.end());
     VkValidationFeatureEnableEXT enabled[] = {
         VK_VALIDATION_FEATURE_ENABLE_SYNCHRONIZATION_VALIDATION_EXT};
@@ -72,7 +85,7 @@ VkInstance createInstance(bool validation, std::span<const char* const> extensio
     features.pEnabledValidationFeatures = enabled;
     if (validation) {
         info.enabledLayerCount = 1;
-        info.ppEnabledLayerNames = &layer;
+        info.ppEnabledLayerNames = &kValidationLayer;
         info.pNext = &features;
         wanted.push_back(VK_EXT_DEBUG_UTILS_EXTENSION_NAME);
     }
@@ -81,7 +94,8 @@ VkInstance createInstance(bool validation, std::span<const char* const> extensio
     VkInstance instance = VK_NULL_HANDLE;
     VkResult result = vkCreateInstance(&info, nullptr, &instance);
     if (result == VK_ERROR_LAYER_NOT_PRESENT)
-        throwMachine("validation was asked for, but {} is not installed", layer);
+        throwMachine("validation was asked for, but {} is not installed",
+                     kValidationLayer);
     if (result == VK_ERROR_INCOMPATIBLE_DRIVER)
         throwMachine(
             "no Vulkan driver found; install one (for a CPU: Mesa's lavapipe) or point "

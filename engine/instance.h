@@ -17,6 +17,8 @@ void separateShaderCaches();
 
 // DOPPEL_VALIDATION=1 asks for the validation layer.
 bool validationWanted();
+// Layers older than the extension of cooperative matrices take every shader with one for an error.
+bool validationKnowsMatrices();
 // What the layer said since the start.
 std::vector<std::string> validationMessages();
 

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <optional>
 
+#include "nn/core/profile.h"
 #include "trainer/avatar/checkpoint.h"
 
 namespace doppel {
@@ -58,32 +59,6 @@ void printPlan(const StageLoop& loop) {
         loop.stage, loop.steps, loop.graph->dispatchCount(),
         mib(elements * 4 * Parameters::kSectionCount), mib(loop.graph->temporaryBytes()),
         mib(loop.graph->unsharedBytes()));
-}
-
-// Time per op of the last step, on stdout.
-void printProfile(const std::string& stage, Graph& graph) {
-    struct Sum {
-        int count = 0;
-        double mib = 0, gflop = 0, milliseconds = 0;
-    };
-    std::map<std::string, Sum> sums;
-    Sum all;
-    for (const OpProfile& op : graph.profile())
-        for (Sum* sum : {&sums[op.name], &all}) {
-            sum->count += 1;
-            sum->mib += static_cast<double>(op.bytes) / (1 << 20);
-            sum->gflop += op.flops * 1e-9;
-            sum->milliseconds += op.milliseconds;
-        }
-    std::vector<std::pair<std::string, Sum>> rows(sums.begin(), sums.end());
-    std::ranges::sort(rows, [](const auto& a, const auto& b) {
-        return a.second.milliseconds > b.second.milliseconds;
-    });
-    rows.emplace_back("all", all);
-    fmt::print("{:<36} {:>6} {:>10} {:>9} {:>10}\n", "stage " + stage, "ops", "MiB", "GFLOP", "ms");
-    for (const auto& [name, sum] : rows)
-        fmt::print("{:<36} {:>6} {:>10.1f} {:>9.2f} {:>10.2f}\n", name, sum.count, sum.mib,
-                   sum.gflop, sum.milliseconds);
 }
 
 void average(Ranks& ranks, std::vector<double>& values) {
@@ -215,7 +190,7 @@ bool StageLoop::run(const LoopSettings& settings) {
         if (profiles) {
             if (i + 1 < settings.profileSteps) continue;
             reportUntil(i + 1, i + 1);
-            printProfile(stage, *graph);
+            fmt::print("{}", profileTable(*graph, "stage " + stage));
             return false;
         }
         // What is kept or shown is the state after step i, whose losses must be finite.
