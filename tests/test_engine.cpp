@@ -55,7 +55,7 @@ TEST(Kernels, CooperativeMatrixTypesAreCompleted) {
                        kTypeCooperativeMatrix = 4456;
     auto row = std::ranges::find(shaderTable(), std::string_view("linalg/gemm_matrix.tile"),
                                  &ShaderTableRow::name);
-    auto plain = std::ranges::find(shaderTable(), std::string_view("linalg/gemm.tile"),
+    auto plain = std::ranges::find(shaderTable(), std::string_view("linalg/gemm_staged.tile"),
                                    &ShaderTableRow::name);
     EXPECT_FALSE(usesCooperativeMatrices(plain->addresses));
     for (SpirvRange given : {row->addresses, row->descriptors}) {

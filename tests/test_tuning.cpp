@@ -27,7 +27,7 @@ DeviceInfo named(const std::string& name, bool cpu) {
 TEST(Tuning, ReadsWhatItWroteAndKeepsOtherDevices) {
     std::filesystem::path path = scratchFile("round");
     GemmTuning one{.cost8 = 1.5, .cost16 = 1.1, .tiles = 32, .shortestPart = 256};
-    GemmTuning two{.rows = 16, .pairs = 1, .tiles = 1024, .shortestPart = 64};
+    GemmTuning two{.tiles = 1024, .shortestPart = 64};
     writeGemmTuning(path, named("a", true), one);
     writeGemmTuning(path, named("b", false), one);
     writeGemmTuning(path, named("b", false), two);
@@ -38,9 +38,9 @@ TEST(Tuning, ReadsWhatItWroteAndKeepsOtherDevices) {
 }
 
 TEST(Tuning, NamesTheLineThatIsWrong) {
-    for (const char* wrong : {"rows=9", "rows=", "tiles=-1", "speed=3", "pairs=2x", "nonsense"}) {
+    for (const char* wrong : {"cost8=.01", "tiles=", "tiles=-1", "speed=3", "tiles=2x", "nonsense"}) {
         std::filesystem::path path = scratchFile("wrong");
-        std::ofstream(path) << "\"x\" \"y\" rows=8\n\"a\" \"driver 1\" " << wrong << "\n";
+        std::ofstream(path) << "\"x\" \"y\" tiles=8\n\"a\" \"driver 1\" " << wrong << "\n";
         try {
             readGemmTuning(path, named("a", false));
             ADD_FAILURE() << wrong;
@@ -53,7 +53,7 @@ TEST(Tuning, NamesTheLineThatIsWrong) {
 
 // Every variant makes the same product, and the same variant the same bits.
 TEST(Tuning, VariantsAgree) {
-    constexpr int64_t m = 37, n = 150, k = 700;
+    constexpr int64_t m = 137, n = 150, k = 700;
     std::vector<float> a, b;
     for (int64_t i = 0; i < m * k; ++i) a.push_back(float((i * 7919) % 201 - 100) / 100);
     for (int64_t i = 0; i < k * n; ++i) b.push_back(float((i * 104729) % 199 - 99) / 100);
@@ -77,13 +77,13 @@ TEST(Tuning, VariantsAgree) {
                 expected[size_t(i * n + j)] +=
                     double(a[size_t(i * k + l)]) * double(b[size_t(l * n + j)]);
     for (GemmTuning tuning :
-         {GemmTuning{}, GemmTuning{.cost8 = .1}, GemmTuning{.cost16 = .1}, GemmTuning{.rows = 16},
-          GemmTuning{.rows = 32, .pairs = 1}, GemmTuning{.tiles = 64, .shortestPart = 16},
+         {GemmTuning{}, GemmTuning{.cost8 = .1}, GemmTuning{.cost16 = .1},
+          GemmTuning{.tiles = 64, .shortestPart = 16},
           GemmTuning{.tiles = 1, .shortestPart = 4096}}) {
         std::vector<float> got = product(tuning);
         EXPECT_EQ(got, product(tuning));
         for (size_t i = 0; i < got.size(); ++i)
-            ASSERT_NEAR(double(got[i]), expected[i], 1e-3) << i << " of rows " << tuning.rows;
+            ASSERT_NEAR(double(got[i]), expected[i], 1e-3) << i << " of tiles " << tuning.tiles;
     }
     setGemmTuning(testDevice(), before);
 }

@@ -42,8 +42,6 @@ template <typename T, typename Visit>
 void visitNumbers(T& tuning, Visit visit) {
     visit("cost8", tuning.cost8, .1, 100);
     visit("cost16", tuning.cost16, .1, 100);
-    visit("rows", tuning.rows, 8, 32);
-    visit("pairs", tuning.pairs, 1, 2);
     visit("tiles", tuning.tiles, 1, 1e6);
     visit("shortestPart", tuning.shortestPart, 16, 1e6);
 }
@@ -73,7 +71,7 @@ GemmTuning defaultGemmTuning(DeviceClass deviceClass) {
             return {.tiles = 16, .shortestPart = 512};
         case DeviceClass::Gpu:
         case DeviceClass::CooperativeMatrix:
-            return {.tiles = 512, .shortestPart = 128};
+            return {.tiles = 256, .shortestPart = 128};
     }
     return {};
 }
@@ -126,9 +124,7 @@ GemmTuning readGemmTuning(const std::filesystem::path& path, const DeviceInfo& i
                 if (name != field || equals == std::string::npos) return;
                 std::istringstream text(word.substr(equals + 1));
                 double value = 0;
-                if (!(text >> value) || !text.eof() || value < least || value > most ||
-                    (name == "rows" && value != 8 && value != 16 && value != 32))
-                    return;
+                if (!(text >> value) || !text.eof() || value < least || value > most) return;
                 target = static_cast<std::remove_reference_t<decltype(target)>>(value);
                 understood = true;
             });

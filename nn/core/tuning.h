@@ -21,10 +21,9 @@ const char* deviceClassName(DeviceClass deviceClass);
 struct GemmTuning {
     // CPUs: time per row of tiles of 8 and 16 rows, that of 32 being 1.
     double cost8 = 2, cost16 = 1.25;
-    // GPUs: rows of an invocation's tile (8, 16 or 32), pairs of columns.
-    uint32_t rows = 8, pairs = 2;
-    // Sums are cut into parts until there are so many tiles, but into parts of no fewer steps.
-    int64_t tiles = 512, shortestPart = 128;
+    // Sums are cut into parts until there are so many tiles, but into parts of no fewer steps; GPUs
+    // take large tiles where there are so many of them then.
+    int64_t tiles = 256, shortestPart = 128;
 
     bool operator==(const GemmTuning&) const = default;
 };

@@ -23,18 +23,20 @@ bool divisible(int64_t by, std::initializer_list<int64_t> values) {
     return std::ranges::all_of(values, [by](int64_t v) { return v % by == 0; });
 }
 
+// Of GPUs: tiles of gemm_staged.comp, and what the panels that it reads have.
+constexpr int64_t kSide = 64, kLargeSide = 128, kStagedPanelRows = 8;
+int64_t stagedPanelWidth(int64_t n) { return n <= kSide ? kSide : kLargeSide; }
+
 // How a product is spread over workgroups.
 struct Plan {
-    uint32_t lanes = 32, rows = 8, pairs = 2;
+    uint32_t lanes = 32, pairs = 2;
+    int64_t rows = 8, columns = 128;        // of a tile
+    int64_t panelRows = 8, panelWidth = 128;  // of panels that the tiles read
     bool onCpu = false;
     bool panelsA = false, panelsB = false;  // packed first
     std::optional<MatrixShape> matrices;    // on matrix units
-    bool halves = false;                    // panels are of halves
+    bool halves = false;                    // of both sides
     int64_t parts = 1, kPart = 0;
-
-    int64_t columns() const {
-        return matrices ? kMatrixFragments * matrices->n : int64_t{2} * pairs * lanes;
-    }
 };
 
 bool runsOnCpu(const Device& device) { return device.kernelPath().vectorLanes > 0; }
@@ -44,7 +46,7 @@ bool runsOnCpu(const Device& device) { return device.kernelPath().vectorLanes > 
 int64_t partsForCache(const Gemm& g, const Plan& p) {
     constexpr int64_t kCached = 128 << 10;  // numbers
     if (g.m < 4 * p.rows) return 1;
-    int64_t wanted = ceilDiv(g.k * std::min(g.n, p.columns()), kCached);
+    int64_t wanted = ceilDiv(g.k * std::min(g.n, p.columns), kCached);
     return std::max<int64_t>(1, std::min(g.k / (4 * g.m), wanted));
 }
 
@@ -54,27 +56,44 @@ Plan plan(const Device& device, const Gemm& g) {
     p.matrices = device.matrixUnits();
     p.halves = device.precision() == Precision::Mixed;
     p.onCpu = runsOnCpu(device) && !p.matrices;
-    p.rows = u32(gemmPanelRows(device, g.m));
-    if (!p.onCpu) p.pairs = tuning.pairs;
-    if (p.onCpu) {
+    p.panelRows = gemmPanelRows(device, g.m);
+    p.panelWidth = gemmPanelWidth(device, g.n);
+    auto tiles = [&](int64_t rows, int64_t columns) {
+        return ceilDiv(g.m, rows) * ceilDiv(g.n, columns) * g.batch;
+    };
+    const int64_t mostParts = std::max<int64_t>(1, g.k / tuning.shortestPart);
+    if (p.matrices) {
         p.lanes = device.info().subgroupSize;
+        p.panelsA = p.panelsB = true;
+    } else if (p.onCpu) {
+        p.lanes = device.info().subgroupSize;
+        if (g.panelsB)
+            p.pairs = u32(p.panelWidth / 2 / p.lanes);
+        else if (g.n <= 2 * p.lanes)
+            p.pairs = 1;
+        p.panelWidth = int64_t{2} * p.pairs * p.lanes;
         // Packing is a pass over memory, a product a quarter of a cycle per element of A and
         // column. Rows that do not start at texels gain more.
         auto worth = [](int64_t uses, int64_t ld) { return uses >= (ld % 4 == 0 ? 512 : 64); };
-        p.panelsA = !g.panelsA && worth(g.n, g.lda);
-        p.panelsB = !g.panelsB && worth(g.m, g.ldb);
+        p.panelsA = p.halves || (!g.panelsA && worth(g.n, g.lda));
+        p.panelsB = p.halves || (!g.panelsB && worth(g.m, g.ldb));
     }
-    if (p.halves) p.panelsA = p.panelsB = true;
-    if (p.matrices)
-        p.lanes = device.info().subgroupSize;
-    else if (g.panelsB)
-        p.pairs = u32(gemmPanelWidth(device, g.n) / 2 / p.lanes);
-    else if (g.n <= 2 * p.lanes)
-        p.pairs = 1;
-    // Long sums with few results are cut into parts, so that there is work for all cores.
-    int64_t tiles = ceilDiv(g.m, p.rows) * ceilDiv(g.n, p.columns()) * g.batch;
-    p.parts =
-        std::max<int64_t>(1, std::min(ceilDiv(tuning.tiles, tiles), g.k / tuning.shortestPart));
+    p.rows = p.panelRows;
+    p.columns = p.panelWidth;
+    if (!p.matrices && !p.onCpu) {
+        p.panelsA = p.panelsB = p.halves;
+        // A large tile reads less, where there is work for all cores with it.
+        const bool large = g.m > kSide && g.n > kSide &&
+                           2 * kLargeSide <= device.info().maxWorkgroupInvocations &&
+                           tiles(kLargeSide, kLargeSide) * mostParts >= tuning.tiles;
+        p.rows = p.columns = large ? kLargeSide : kSide;
+        p.lanes = u32(2 * p.rows);
+    }
+    // Long sums with few results are cut into parts, so that there is work for all cores. A CPU
+    // has few tiles for a core, of which the last should not wait for one.
+    const int64_t all = tiles(p.rows, p.columns);
+    p.parts = std::clamp<int64_t>(p.onCpu ? ceilDiv(tuning.tiles, all) : tuning.tiles / all, 1,
+                                  mostParts);
     if (p.onCpu) p.parts = std::max(p.parts, partsForCache(g, p));
     int64_t kPart = ceilDiv(g.k, p.parts);
     p.kPart = p.halves ? std::max(kHalfSteps, halfPanelSteps(kPart))
@@ -182,8 +201,8 @@ int64_t columnsApart(const Gemm& g, const Plan& p) {
     last.startB += (g.n - few) * (g.transB ? g.ldb : 1);
     if (few > 0 && few < g.n && isNarrow(last, p)) return few;
     // Half of a tile, or less.
-    int64_t rest = g.n % p.columns();
-    return g.n > p.columns() && rest <= p.columns() / 2 ? rest : 0;
+    int64_t rest = g.n % p.columns;
+    return g.n > p.columns && rest <= p.columns / 2 ? rest : 0;
 }
 
 }  // namespace
@@ -192,8 +211,8 @@ int64_t gemmPanelSteps(int64_t k) { return ceilDiv(k, kGemmUnroll) * kGemmUnroll
 
 int64_t gemmPanelRows(const Device& device, int64_t m) {
     if (auto matrices = device.matrixUnits()) return kMatrixFragments * matrices->m;
+    if (!runsOnCpu(device)) return kStagedPanelRows;
     const GemmTuning& tuning = gemmTuning(device);
-    if (!runsOnCpu(device)) return tuning.rows;
     // A tile may reach over the last row.
     const std::pair<int64_t, double> rowCosts[] = {
         {32, 1.0}, {16, tuning.cost16}, {8, tuning.cost8}};
@@ -215,9 +234,9 @@ bool gemmTakesRows(const Device& device) {
 
 int64_t gemmPanelWidth(const Device& device, int64_t n) {
     if (auto matrices = device.matrixUnits()) return kMatrixFragments * matrices->n;
-    bool onCpu = runsOnCpu(device);
-    int64_t lanes = onCpu ? device.info().subgroupSize : 32;
-    return n <= 2 * lanes ? 2 * lanes : 2 * lanes * (onCpu ? 2 : gemmTuning(device).pairs);
+    if (!runsOnCpu(device)) return stagedPanelWidth(n);
+    int64_t lanes = device.info().subgroupSize;
+    return n <= 2 * lanes ? 2 * lanes : 4 * lanes;
 }
 
 void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const Gemm& shape) {
@@ -258,7 +277,7 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
     if (g.panelsB) {  // a single panel is a matrix of its width
         Gemm matrix = g;
         matrix.panelsB = false;
-        matrix.ldb = p.columns();
+        matrix.ldb = p.columns;
         if (isNarrow(matrix, p)) g = matrix;
     }
     const bool narrow = isNarrow(g, p);
@@ -271,8 +290,8 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
     Tensor left = a, right = b;
     uint32_t layoutA = g.transA ? kLayoutTransposed : g.panelsA ? kLayoutRowPanels : kLayoutRows;
     uint32_t layoutB = g.transB ? kLayoutTransposed : g.panelsB ? kLayoutColumnPanels : kLayoutRows;
-    if (g.panelsA) g.lda = gemmPanelSteps(g.k) * p.rows;
-    if (g.panelsB) g.ldb = g.k * p.columns();
+    if (g.panelsA) g.lda = gemmPanelSteps(g.k) * p.panelRows;
+    if (g.panelsB) g.ldb = g.k * p.panelWidth;
     int64_t stepsA = p.halves ? halfPanelSteps(g.k) : gemmPanelSteps(g.k);
     // A tile of few columns takes two steps of them from a texel.
     const bool interleaved = p.onCpu && p.panelsB && !p.halves && !g.panelsB && p.pairs == 1;
@@ -282,27 +301,27 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
         Source source{
             a, g.startA, matrices, g.strideA, g.m, g.transA ? 1 : g.lda, g.transA ? g.lda : 1};
         if (g.panelsA)  // panels already, of single precision
-            source = {a, 0, matrices, g.strideA, ceilDiv(g.m, p.rows) * p.rows, 1, p.rows, g.lda};
-        left = pack(graph, source, g.k, stepsA, p.rows, p.halves, g.largestA);
+            source = {a, 0, matrices, g.strideA, ceilDiv(g.m, p.panelRows) * p.panelRows, 1, p.panelRows, g.lda};
+        left = pack(graph, source, g.k, stepsA, u32(p.panelRows), p.halves, g.largestA);
         layoutA = kLayoutRowPanels;
         g.startA = 0;
-        g.lda = stepsA * p.rows;
-        if (matrices > 1) g.strideA = ceilDiv(g.m, p.rows) * g.lda;
+        g.lda = stepsA * p.panelRows;
+        if (matrices > 1) g.strideA = ceilDiv(g.m, p.panelRows) * g.lda;
     }
     if (p.panelsB && g.k > 0) {
         int64_t matrices = g.strideB == 0 ? 1 : g.batch;
         Source source{
             b, g.startB, matrices, g.strideB, g.n, g.transB ? g.ldb : 1, g.transB ? 1 : g.ldb};
         if (g.panelsB) {
-            int64_t width = p.columns();
+            int64_t width = p.panelWidth;
             source = {b, 0, matrices, g.strideB, ceilDiv(g.n, width) * width, 1, width, g.ldb};
         }
         right =
-            pack(graph, source, g.k, stepsB, u32(p.columns()), p.halves, g.largestB, interleaved);
+            pack(graph, source, g.k, stepsB, u32(p.panelWidth), p.halves, g.largestB, interleaved);
         layoutB = interleaved ? kLayoutInterleaved : kLayoutColumnPanels;
         g.startB = 0;
-        g.ldb = stepsB * p.columns();
-        if (matrices > 1) g.strideB = ceilDiv(g.n, p.columns()) * g.ldb;
+        g.ldb = stepsB * p.panelWidth;
+        if (matrices > 1) g.strideB = ceilDiv(g.n, p.panelWidth) * g.ldb;
     }
     bool split = p.parts > 1;
     Tensor out = split ? graph.temporary({p.parts, g.batch, g.m, g.n}) : c;
@@ -318,37 +337,64 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
     int64_t strideCPart = g.batch * g.m * g.n;
     GemmParams params = gemmParams(g);
     params.kPart = u32(p.kPart);
-    Groups groups{u32(ceilDiv(g.m, p.rows)), u32(ceilDiv(g.n, p.columns())),
+    Groups groups{u32(ceilDiv(g.m, p.rows)), u32(ceilDiv(g.n, p.columns)),
                   u32(p.parts * g.batch)};
     Tensor bias = g.bias ? g.bias : graph.none();
     Tensor largest = g.largestA ? g.largestA : g.largestB;
     CHECK(!g.largestA || !g.largestB, "one side of a product at most is made of gradients");
-    Specialisation spec{{"local_size", p.lanes},
-                        {"kAccumulate", !split && g.accumulate},
-                        {"kBias", split ? 0 : biasKind(g)},
-                        {"kClamp", split ? 0 : clampKind(g)},
-                        {"kScaled", bool(largest)}};
+    const bool accumulates = !split && g.accumulate, scaled = g.largestA || g.largestB;
+    const uint32_t biasOf = split ? 0 : biasKind(g), clamp = split ? 0 : clampKind(g);
+    auto quads = [](bool wanted, std::initializer_list<int64_t> values) {
+        return wanted && divisible(4, values);
+    };
+    Specialisation spec{{"local_size", p.lanes}};
     if (!largest) largest = graph.none();
     graph.expectFlops(flops(g));
-    if (!p.matrices)
-        spec.insert({{"kLanes", p.lanes},
-                     {"kRows", p.rows},
-                     {"kPairs", p.pairs},
-                     {"kLayoutA", layoutA},
-                     {"kLayoutB", layoutB},
-                     {"kHalves", p.halves},
-                     {"kWholeRows", !listed && g.m % p.rows == 0},
-                     {"kWholeColumns", g.n % p.columns() == 0}});
+    if (p.matrices || p.onCpu)
+        spec.insert({{"kAccumulate", accumulates}, {"kBias", biasOf}, {"kClamp", clamp}});
     if (p.matrices) {
+        spec["kScaled"] = scaled;
         spec["kMatrixM"] = p.matrices->m;
         spec["kMatrixN"] = p.matrices->n;
         spec["kMatrixK"] = p.matrices->k;
-        spec["kDirect"] = g.m % p.rows == 0 && g.n % p.columns() == 0 &&
+        spec["kDirect"] = g.m % p.rows == 0 && g.n % p.columns == 0 &&
                           (split || (!g.accumulate && !g.bias && clampKind(g) == 0));
         graph.dispatchGroups(
             "linalg/gemm_matrix.tile",
             {{"a", left}, {"b", right}, {"c", out}, {"bias", bias}, {"largest", largest}}, params,
             groups, spec);
+    } else if (!p.onCpu) {
+        spec.insert({{"kSide", u32(p.rows)},
+                     {"kLayoutA", layoutA},
+                     {"kLayoutB", layoutB},
+                     {"kPanelA", u32(p.panelRows)},
+                     {"kPanelB", u32(p.panelWidth)},
+                     {"kHalves", p.halves}});
+        const bool rowPanels = layoutA == kLayoutRowPanels;
+        const bool columnPanels = layoutB == kLayoutColumnPanels;
+        const std::pair<uint32_t, bool> traits[] = {
+            {kGemmAccumulates, accumulates},
+            {kGemmBiasOfColumns, biasOf == 1},
+            {kGemmBiasOfRows, biasOf == 2},
+            {kGemmClamps, clamp > 0},
+            {kGemmClampsAtSix, clamp > 1},
+            {kGemmScaled, scaled},
+            {kGemmQuadsA, !p.halves && (rowPanels || quads(layoutA == kLayoutTransposed,
+                                                           {g.lda, g.startA, g.strideA, g.m}))},
+            {kGemmQuadsB, !p.halves && (columnPanels || quads(layoutB == kLayoutRows,
+                                                              {g.ldb, g.startB, g.strideB, g.n}))},
+            {kGemmQuadsC, quads(true, {g.ldc, g.startC, g.strideC, g.n, split ? strideCPart : 0})}};
+        for (auto [trait, holds] : traits) spec["kTraits"] |= holds ? trait : 0;
+        graph.dispatchGroups("linalg/gemm_staged.tile",
+                             {{"a", left},
+                              {"b", right},
+                              {"c", out},
+                              {"bias", bias},
+                              {"largest", largest},
+                              {"aQuads", left},
+                              {"bQuads", right},
+                              {"cQuads", out}},
+                             params, groups, spec);
     } else if (narrow) {
         groups.x = u32(ceilDiv(g.m, int64_t{4} * p.lanes));
         graph.dispatchGroups("linalg/gemm_narrow.columns",
@@ -359,24 +405,32 @@ void gemm(Graph& graph, const Tensor& a, const Tensor& b, const Tensor& c, const
                               {"kTransB", false},
                               {"kSums", bool(g.sums)}});
     } else {
+        const bool panelsB = layoutB == kLayoutColumnPanels || layoutB == kLayoutInterleaved;
+        spec.insert(
+            {{"kLanes", p.lanes},
+             {"kRows", u32(p.rows)},
+             {"kPairs", p.pairs},
+             {"kLayoutA", layoutA},
+             {"kLayoutB", layoutB},
+             {"kHalves", p.halves},
+             {"kScaled", scaled},
+             {"kWholeRows", !listed && g.m % p.rows == 0},
+             {"kWholeColumns", g.n % p.columns == 0},
+             {"kQuadA", !p.halves && (layoutA == kLayoutRowPanels ||
+                                      quads(true, {g.lda, g.startA, g.strideA}))},
+             {"kQuadB",
+              !p.halves &&
+                  (panelsB || quads(true, {g.ldb, g.startB, g.strideB, g.transB ? g.k : 0}))},
+             {"kEvenC",
+              divisible(2, {g.ldc, g.startC, g.strideC, g.n, split ? strideCPart : 0})},
+             {"kListed", listed}});
         std::initializer_list<Argument> arguments{
             {"a", left},       {"b", right},         {"c", out},
             {"bias", bias},    {"largest", largest}, {"aQuads", left},
             {"bQuads", right}, {"cPairs", out},      {"listed", g.rows.list(graph)}};
-        if (p.onCpu) {
-            const bool panelsB = layoutB == kLayoutColumnPanels || layoutB == kLayoutInterleaved;
-            spec["kQuadA"] = !p.halves && (layoutA == kLayoutRowPanels ||
-                                           divisible(4, {g.lda, g.startA, g.strideA}));
-            spec["kQuadB"] =
-                !p.halves &&
-                (panelsB || divisible(4, {g.ldb, g.startB, g.strideB, g.transB ? g.k : 0}));
-            spec["kEvenC"] =
-                divisible(2, {g.ldc, g.startC, g.strideC, g.n, split ? strideCPart : 0});
-            spec["kListed"] = listed;
-        }
         if (listed)
             graph.dispatchIndirect("linalg/gemm.tile", arguments, params,
-                                   g.rows.groups(p.rows / kRowsListed, groups.y, groups.z), spec);
+                                   g.rows.groups(u32(p.rows / kRowsListed), groups.y, groups.z), spec);
         else
             graph.dispatchGroups("linalg/gemm.tile", arguments, params, groups, spec);
     }

@@ -1,17 +1,16 @@
-// C = op(A) op(B) (+ bias) (+ C), or that clamped (kClamp); A is [m, k], B [k, n], batches of
-// them.
+// C = op(A) op(B) (+ bias) (+ C), or that clamped (kClamp), on CPUs; A is [m, k], B [k, n], batches
+// of them. On a GPU gemm_staged.comp computes the same sums.
 //
 // A workgroup makes a tile of kRows rows; each lane sums 2 kPairs columns of it in registers:
 // columns 2 (lane + lanes j) and the next, for j < kPairs. A and B are read as they lie, transposed
 // or in panels (common/panels.h). Sums over k may be cut into parts, which gemm_reduce.comp adds
 // up.
 //
-// On a GPU every lane reads the values of A that it needs (a cache broadcasts them). On a CPU a
-// load costs some sixteen multiply-adds for four values of a lane, and no less when all lanes want
+// A load costs some sixteen multiply-adds for four values of a lane, and no less when all lanes want
 // the same address: values are loaded in fours where they lie so, each value of A by one lane only,
-// and handed out by subgroupBroadcast. Both add up in the same order.
+// and handed out by subgroupBroadcast.
 #version 460
-// VARIANTS: plain, cpu
+// VARIANTS: cpu
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_ballot : require
 #include "common/op.glsl"
@@ -56,11 +55,7 @@ layout(constant_id = 16) const bool kWholeColumns = false;
 
 // Steps of k in the loop's body: a loop's sums pass through masks on lavapipe at every turn. Of
 // these, how many are multiplied while a row's sums stay in registers.
-#if CPU
 const uint kUnroll = kGemmUnroll, kSteps = 4;
-#else
-const uint kUnroll = 2, kSteps = 2;
-#endif
 const bool kTransA = kLayoutA != kLayoutRows;
 const bool kTransB = kLayoutB == kLayoutTransposed;
 const bool kPanelsB = kLayoutB == kLayoutColumnPanels || kLayoutB == kLayoutInterleaved;
@@ -78,7 +73,6 @@ float loadA(uint base, uint row, uint k, uint end) {
     return k < end ? v : 0;
 }
 
-#if CPU
 // Four values of A. kTransA: of rows row to row + 3 at step k; else of steps k to k + 3. Rows
 // behind the last are anything.
 const uint kLoadsA = kRows * kUnroll / 4 / kLanes;  // per lane and body of the loop
@@ -102,7 +96,6 @@ vec4 loadQuadA(uint base, uint row, uint k, uint end) {
 uint elementA(uint i, uint u) {  // of the body's quads, where row i's step u is
     return kTransA ? u * (kRows / 4) + i / 4 : (u / 4) * kRows + i;
 }
-#endif
 
 // Two neighbours in a row of B, or, second being anywhere, two elements.
 vec2 loadB(uint first, uint second) {
@@ -111,11 +104,7 @@ vec2 loadB(uint first, uint second) {
 }
 
 ENTRY(tile) {
-#if CPU
     uint lane = gl_SubgroupInvocationID;
-#else
-    uint lane = gl_LocalInvocationID.x;
-#endif
     uint m = params.m, n = params.n, ldb = params.ldb;
     uint tile = gl_WorkGroupID.x;
     uint tileRow = tile * kRows, tileColumn = gl_WorkGroupID.y * 2 * kPairs * kLanes;
@@ -132,7 +121,7 @@ ENTRY(tile) {
     vec2 sum[kRows][kPairs];
     uint column[kPairs], startB[kPairs], nextB[kPairs];
     [[unroll]] for (uint j = 0; j < kPairs; ++j) {
-        uint within = CPU != 0 ? 2 * (lane * kPairs + j) : 2 * (j * kLanes + lane);
+        uint within = 2 * (lane * kPairs + j);
         column[j] = tileColumn + within;
         if (kLayoutB == kLayoutColumnPanels) {
             startB[j] = baseB + gl_WorkGroupID.y * params.ldb + within;
@@ -146,17 +135,14 @@ ENTRY(tile) {
         [[unroll]] for (uint i = 0; i < kRows; ++i) sum[i][j] = vec2(0);
     }
     uint stepB = kPanelsB ? 2 * kPairs * kLanes : ldb;
-#if CPU
     // Of B's rows and panels a lane has a texel's columns (kPairs = 2), or half of one's, or two
     // steps'.
     uint quadB = baseB + (kPanelsB ? gl_WorkGroupID.y * params.ldb : tileColumn) +
                  (kLayoutB == kLayoutInterleaved ? 4 : 2 * kPairs) * lane;
     bool upperHalf = quadB % 4 != 0;
-#endif
 
     // Steps behind the end read the last one of B again, times a zero from A.
     for (uint k = begin; k < end; k += kUnroll) {
-#if CPU
         vec4 quadsA[kLoadsA];
         [[unroll]] for (uint t = 0; t < kLoadsA; ++t) {
             uint e = t * kLanes + lane;
@@ -164,10 +150,8 @@ ENTRY(tile) {
                 kTransA ? loadQuadA(baseA, row + 4 * (e % (kRows / 4)), k + e / (kRows / 4), end)
                         : loadQuadA(baseA, row + e % kRows, k + 4 * (e / kRows), end);
         }
-#endif
         [[unroll]] for (uint u = 0; u < kUnroll; u += kSteps) {
             vec2 ofB[kSteps][kPairs];
-#if CPU
             if (kQuadB && kTransB) {
                 uint at = min(k + u, end - 4);
                 [[unroll]] for (uint j = 0; j < kPairs; ++j) {
@@ -195,7 +179,6 @@ ENTRY(tile) {
                     }
                 }
             } else
-#endif
             {
                 [[unroll]] for (uint s = 0; s < kSteps; ++s) {
                     uint at = min(k + u + s, end - 1) * (kTransB ? 1 : stepB);
@@ -205,13 +188,9 @@ ENTRY(tile) {
             }
             [[unroll]] for (uint i = 0; i < kRows; ++i) {
                 [[unroll]] for (uint s = 0; s < kSteps; ++s) {
-#if CPU
                     uint e = elementA(i, u + s);
                     float v = subgroupBroadcast(quadsA[e / kLanes][kTransA ? i % 4 : (u + s) % 4],
                                                 e % kLanes);
-#else
-                    float v = loadA(baseA, row + i, k + u + s, end);
-#endif
                     [[unroll]] for (uint j = 0; j < kPairs; ++j) sum[i][j] += v * ofB[s][j];
                 }
             }
@@ -240,7 +219,6 @@ ENTRY(tile) {
                 if (kScaled) v *= scale;
                 if (kBias == 1) v += vec2(bias.d[column[j]], bias.d[min(column[j] + 1, n - 1)]);
                 if (kBias == 2) v += bias.d[r];
-#if CPU
                 if (kEvenC) {
                     if (kAccumulate) v += unpackPair(cPairs.d[at / 2]);
                     if (kClamp > 0) v = max(v, vec2(0));
@@ -248,7 +226,6 @@ ENTRY(tile) {
                     cPairs.d[at / 2] = packPair(v);
                     continue;
                 }
-#endif
                 if (kAccumulate) v += vec2(c.d[at], both ? c.d[at + 1] : 0);
                 if (kClamp > 0) v = max(v, vec2(0));
                 if (kClamp > 1) v = min(v, vec2(6));

@@ -15,6 +15,14 @@ struct GemmParams {
     uint batch;                         // workgroup z = part * batch + matrix
     uint kPart;                         // part p sums k in [p * kPart, (p + 1) * kPart)
 };
+// What gemm_staged.comp does at the end, or finds in memory.
+SHARED_CONSTANT uint kGemmAccumulates = 1;
+SHARED_CONSTANT uint kGemmBiasOfColumns = 2, kGemmBiasOfRows = 4;
+SHARED_CONSTANT uint kGemmClamps = 8, kGemmClampsAtSix = 16;  // to positive numbers; to 6
+SHARED_CONSTANT uint kGemmScaled = 32;  // A or B was multiplied by halfScale(largest)
+// Whether four rows of A or four columns of B or C, the first divisible by four, lie side by side
+// from an element divisible by four on, and none is cut by the matrix's end.
+SHARED_CONSTANT uint kGemmQuadsA = 64, kGemmQuadsB = 128, kGemmQuadsC = 256;
 struct GemmReduceParams {
     uint elements;  // of C: batch * m * n
     uint ldc, startC, strideC;
