@@ -82,10 +82,12 @@ Plan plan(const Device& device, const Gemm& g) {
     p.columns = p.panelWidth;
     if (!p.matrices && !p.onCpu) {
         p.panelsA = p.panelsB = p.halves;
-        // A large tile reads less, where there is work for all cores with it.
-        const bool large = g.m > kSide && g.n > kSide &&
-                           2 * kLargeSide <= device.info().maxWorkgroupInvocations &&
+        // A large tile reads less, where there is work for all cores with it. Of small ones an image
+        // may need more than a dispatch has.
+        const bool worth = g.m > kSide && g.n > kSide &&
                            tiles(kLargeSide, kLargeSide) * mostParts >= tuning.tiles;
+        const bool large = (worth || ceilDiv(g.n, kSide) > device.info().maxWorkgroups[1]) &&
+                           2 * kLargeSide <= device.info().maxWorkgroupInvocations;
         p.rows = p.columns = large ? kLargeSide : kSide;
         p.lanes = u32(2 * p.rows);
     }
