@@ -94,8 +94,7 @@ VkInstance createInstance(bool validation, std::span<const char* const> extensio
     VkInstance instance = VK_NULL_HANDLE;
     VkResult result = vkCreateInstance(&info, nullptr, &instance);
     if (result == VK_ERROR_LAYER_NOT_PRESENT)
-        throwMachine("validation was asked for, but {} is not installed",
-                     kValidationLayer);
+        throwMachine("validation was asked for, but {} is not installed", kValidationLayer);
     if (result == VK_ERROR_INCOMPATIBLE_DRIVER)
         throwMachine(
             "no Vulkan driver found; install one (for a CPU: Mesa's lavapipe) or point "

@@ -17,7 +17,7 @@ enum class DeviceClass { Cpu, Gpu, CooperativeMatrix };
 DeviceClass deviceClass(const DeviceInfo& info);
 const char* deviceClassName(DeviceClass deviceClass);
 
-// How products are cut into tiles (see nn/ops/linalg.cpp).
+// How products are cut into tiles (see nn/ops/products/gemm.cpp).
 struct GemmTuning {
     // CPUs: time per row of tiles of 8 and 16 rows, that of 32 being 1.
     double cost8 = 2, cost16 = 1.25;
