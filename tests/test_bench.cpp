@@ -123,6 +123,25 @@ TEST(Bench, ReplaysWhatStdinNames) {
     EXPECT_EQ(shell("echo op/none | '" + program() + "' --replay 2>/dev/null").status, 2);
 }
 
+TEST(Bench, SaysWhichOpsTakeTheTime) {
+    Outcome ran = shell("echo op/relu/4M/forward | '" + program() + "' --profile 2>/dev/null");
+    ASSERT_EQ(ran.status, 0);
+    std::istringstream lines(ran.out);
+    std::string title, line;
+    std::getline(lines, title);
+    EXPECT_TRUE(title.starts_with("op/relu/4M/forward ")) << ran.out;
+    double sum = 0, all = 0;
+    while (std::getline(lines, line) && !line.empty()) {
+        std::istringstream words(line);
+        std::string op;
+        double count, mib, gflop, milliseconds;
+        ASSERT_TRUE(words >> op >> count >> mib >> gflop >> milliseconds) << line;
+        (op == "all" ? all : sum) += milliseconds;
+    }
+    EXPECT_GT(sum, 0);
+    EXPECT_NEAR(all, sum, .01);
+}
+
 TEST(Bench, SaysWhatIsWrong) {
     EXPECT_EQ(bench("--no-such-flag").status, 2);
     EXPECT_EQ(bench("--device").status, 2);
