@@ -1,6 +1,7 @@
 #include "nn/ops/linalg.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "engine/files/numbers.h"
 #include "linalg/params.h"
@@ -25,11 +26,14 @@ void sumAxis(Graph& graph, const Tensor& x, int64_t outer, int64_t count, int64_
     CHECK(outer * count * inner <= x.elements() && outer * inner <= target.elements(),
           "a sum over [{},{},{}] lies within its tensors", outer, count, inner);
     if (outer * inner == 0) return;
-    constexpr int64_t kPartLength = 256;
-    int64_t parts = std::max<int64_t>(1, (count + kPartLength - 1) / kPartLength);
+    // Both dispatches add up chains of one length, the shortest there is.
+    constexpr int64_t kLeastPart = 16;
+    const int64_t partLength = std::max<int64_t>(
+        kLeastPart, std::llround(std::ceil(std::sqrt(static_cast<double>(count)))));
+    const int64_t parts = std::max<int64_t>(1, (count + partLength - 1) / partLength);
     Tensor source = x;
     if (parts > 1) {
-        SumParams params{u32(outer), u32(count), u32(inner), kPartLength, u32(parts)};
+        SumParams params{u32(outer), u32(count), u32(inner), u32(partLength), u32(parts)};
         source = graph.temporary({outer, parts, inner});
         graph.dispatch("linalg/sum.axis", {{"x", x}, {"y", source}}, params,
                        static_cast<uint64_t>(outer * parts * inner));
