@@ -195,12 +195,14 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
                             kLeastFace));
         }
     }
-    if (movesTexels && preset.stayTexels > 0) {  // their mean square
+    if (movesTexels && preset.stayTexels > 0) {
+        // Their mean square counts as one frame's word among all.
+        const double weight = preset.stayTexels / static_cast<double>(frames);
         const auto count = static_cast<size_t>(texture * texture);
         Tensor first = graph.constant(std::span<const float>(start.texels), {texture, texture, 3});
         Tensor ones = graph.constant(std::vector<float>(count, 1.0f), {texture, texture});
         Tensor mean = graph.constant(std::vector<float>{1 / static_cast<float>(3 * count)}, {1});
-        losses.term("texels", preset.stayTexels,
+        losses.term("texels", weight,
                     pyramidLoss(graph, albedo, first, ones, mean, {.cell1 = 1}));
     }
     graph.backward(losses.sum());

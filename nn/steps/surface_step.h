@@ -56,7 +56,7 @@ namespace doppel {
     NUMBER(int, rim, 0, 0, 64,                                                                   \
            "outermost pixels of masks, before a screen, that take the colours of the inside")    \
     NUMBER(double, stayTexels, 0, 0, kNoLimit,                                                   \
-           "weight of texels near those that frames gave first")                                 \
+           "weight of texels near those that frames gave first, over how many frames there are") \
     NUMBER(double, smooth, 500, 0, kNoLimit, "weight of smooth offsets")                         \
     NUMBER(double, hands, 1, 1, 1e6, "times as much of it on the hands")                         \
     FLAG(cleanHands, false,                                                                      \

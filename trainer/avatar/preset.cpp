@@ -146,14 +146,12 @@ Preset presetByName(std::string_view name) {
         preset.texels.lambda = 4;
         preset.texels.smooth = 200;
         preset.texels.lrOffsets = .02;
-        preset.texels.lrTexels = .01;
-        preset.texels.stayTexels = 2;
+        preset.texels.stayTexels = 16;
         // Where poses are off, surfaces crease, and a crease's sides face other views than the skin
         // around them does: whoever sees a face best would paint streaks.
         preset.texels.facing = 0;
         preset.texels.rim = 4;
         preset.texels.robust = .02;
-        preset.texels.decay = .1;
         preset.mesh.steps = 300;
         preset.texture.width = 16;
         preset.texture.steps = 150;
@@ -166,6 +164,8 @@ Preset presetByName(std::string_view name) {
         preset.shape.steps = 800;
         preset.shape.size = preset.texels.size = 768;
         preset.texels.steps = 1200;
+        preset.texels.lrTexels = .01;
+        preset.texels.decay = .1;
         preset.mesh.hidden = 128;
         preset.mesh.steps = 1000;
         preset.texture.width = 32;
