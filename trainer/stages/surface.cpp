@@ -233,6 +233,7 @@ int fitPosesToPictures(Device& device, const Avatar& avatar, Capture& capture, u
                    .light = avatar.light,
                    .loop = {.seed = seed}};
     run.preset.steps = stepsForVisits(80, capture, run.preset);
+    run.preset.decay = .1;  // few frames are few steps, and poses have to settle in them
     run.preset.lrTheta = .006;
     run.preset.lrTrans = .002;
     run.preset.priorTheta = .01;
