@@ -8,7 +8,10 @@
 #include <sstream>
 
 #include "engine/io/image.h"
+#include "nn/ops/fit.h"
+#include "nn/ops/optim.h"
 #include "nn/steps/light.h"
+#include "nn/steps/surface_step.h"
 #include "tests/files.h"
 #include "tests/op_test.h"
 #include "tests/tiny_training.h"
@@ -70,6 +73,33 @@ double heldOut(const Avatar& avatar) {
     Capture unseen = turn().subset(kOdd);
     unseen.betas = avatar.betas;
     return meanMetrics(evaluateAvatar(testDevice(), avatar, unseen)).psnrBody;
+}
+
+// Texels that have moved by a tenth, and nothing else that costs: no mask, no picture.
+double costOfMovedTexels(size_t frames, double weight) {
+    const BodyModel body = bodyFromNpz(readBodyArrays("default"));
+    SurfacePreset preset;
+    preset.size = 16;
+    preset.batch = 1;
+    preset.stayTexels = weight;
+    SurfaceState state(testDevice(), body,
+                       {.poses = std::vector<float>(frames * size_t(kPoseRow)),
+                        .texels = std::vector<float>(3 * 32 * 32, .5f),
+                        .textureSize = 32},
+                       preset);
+    state.texels.write(*state.texels.find("texels"), std::vector<float>(3 * 32 * 32, .1f));
+    SurfaceStep step(testDevice(), body, state, preset);
+    step.graph.setStep(adamwStepParams(1, 1, kSurfaceOptimiser));
+    step.graph.write(step.poseSteps[0], wordsOf(adamwStepParams(1, 1, kPoseOptimiser)));
+    step.graph.write(step.samples[0].camera, cameraValues({.fx = 16, .fy = 16}));
+    step.graph.run();
+    return step.losses.read().at(0);
+}
+
+TEST(Surface, HoldsTexelsLessTheMoreFramesThereAre) {
+    const double one = costOfMovedTexels(1, 16) - costOfMovedTexels(1, 0);
+    EXPECT_GT(one, .1);
+    EXPECT_NEAR((costOfMovedTexels(8, 16) - costOfMovedTexels(8, 0)) / one, 1 / 8., 1e-3);
 }
 
 TEST(Light, IsLearnedFromAPersonWhoTurns) {
