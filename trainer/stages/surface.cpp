@@ -200,6 +200,7 @@ int stepsForVisits(int times, const Capture& capture, const SurfacePreset& prese
 // wanders, for frames are too small to tell.
 constexpr int kMostRounds = 4;
 constexpr double kSettled = .013, kWanders = .9;
+constexpr int kFewSteps = 100;
 
 double turnedBetween(std::span<const Theta> before, std::span<const Theta> after) {
     double sum = 0;
@@ -233,7 +234,8 @@ int fitPosesToPictures(Device& device, const Avatar& avatar, Capture& capture, u
                    .light = avatar.light,
                    .loop = {.seed = seed}};
     run.preset.steps = stepsForVisits(80, capture, run.preset);
-    run.preset.decay = .1;  // few frames are few steps, and poses have to settle in them
+    // Few frames are few steps, in which poses settle only if rates fall far.
+    run.preset.decay = run.preset.steps < kFewSteps ? .1 : .3;
     run.preset.lrTheta = .006;
     run.preset.lrTrans = .002;
     run.preset.priorTheta = .01;
