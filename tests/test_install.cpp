@@ -45,6 +45,7 @@ protected:
 TEST_F(Install, HasProgramsAssetsLicencesAndTheDesktopsFiles) {
     for (const char* file :
          {"bin/doppel", "bin/doppel-bench", "share/doppel/body/default.npz",
+          "share/doppel/body/cast.npz",
           "share/doppel/actor/woman.npz", "share/doppel/actor/woman.png",
           "share/doc/doppel/LICENSE", "share/doc/doppel/assets/NOTICE",
           "share/doc/doppel/docs/formats.md", "share/applications/doppel.desktop",

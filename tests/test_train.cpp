@@ -167,6 +167,52 @@ TEST(Train, LearnsASurfaceBeyondTheModel) {
               restJoints(plain, std::vector<double>(10)));
 }
 
+// One picture from the front: her back is told by the cast, and it is another avatar than without.
+TEST(Train, KnownPeopleTellWhatOnePictureDoesNotShow) {
+    test::Folder folder;
+    SyntheticOptions options;
+    options.size = 192;
+    options.samples = 2;
+    const Capture capture =
+        renderActor(testDevice(), readActor(assetFolder() / "actor", "long-hair"),
+                    actorSession(1, 0, kActorDistance), folder.path() / "capture", options);
+    Avatar avatar;
+    avatar.bodyArrays = readBodyArrays("default");
+    avatar.body = bodyFromNpz(avatar.bodyArrays);
+    avatar.preset = tinyPreset();
+    avatar.preset.texture.textureSize = 128;
+    TrainSettings settings;
+    settings.out = folder.path() / "alone";
+    settings.pictureSeconds = 0;
+    settings.stages = {"fit", "shape", "texels"};
+    const Avatar alone = trainAvatar(testDevice(), avatar, capture, settings).avatar;
+    settings.out = folder.path() / "told";
+    settings.known = readPeople({"cast"}, avatar.body, "--prior");
+    const Avatar told = trainAvatar(testDevice(), avatar, capture, settings).avatar;
+
+    // Her hair is dark and her skin is light.
+    auto lightOf = [](const Avatar& of, bool back) {
+        const auto colours = vertexColours(of.body, of.texture, of.textureSize);
+        double sum = 0, count = 0;
+        for (size_t v = 0; v < colours.size(); ++v) {
+            const float* x = &of.body.templateVertices[3 * v];
+            const bool head = of.body.weights[v * joint::kCount + joint::kHead] > .9f;
+            if (!head || (back ? x[2] > -.01f || x[1] < .45f : !of.body.face[v])) continue;
+            sum += (colours[v].x + colours[v].y + colours[v].z) / 3;
+            ++count;
+        }
+        EXPECT_GT(count, 10);
+        return sum / count;
+    };
+    EXPECT_LT(lightOf(told, true), .8 * lightOf(told, false));
+    EXPECT_LT(lightOf(told, true), lightOf(alone, true) - .1);
+
+    // A finished avatar is not taken for one that others told of.
+    EXPECT_TRUE(isTrained(told, avatar, capture, Precision::Single, settings));
+    settings.known = {};
+    EXPECT_THROW(isTrained(told, avatar, capture, Precision::Single, settings), InputError);
+}
+
 TEST(Train, TakesFramesOfSeveralSizesAndEmptyOnes) {
     test::Folder folder;
     Capture capture = tinyCapture(folder.path() / "capture");

@@ -22,6 +22,7 @@ struct AvatarOptions {
     ImportOptions import;
     fs::path out;
     Preset preset;
+    std::vector<std::string> prior;
     bool restart = false;
     uint64_t memoryBudget = 0;
 };
@@ -106,6 +107,7 @@ void runAvatar(const AvatarOptions& options) {
     train.body = options.import.body;
     train.stages = stagesOf(options.preset, stageNames());
     train.preset = options.preset;
+    train.prior = options.prior;
     train.restart = options.restart;
     train.memoryBudget = options.memoryBudget;
     runTrain(train);
@@ -115,6 +117,7 @@ void declareFlags(CommandFlags& flags, AvatarOptions& o) {
     flags.precision();
     flags.path("--out", o.out, "Folder for the person: capture/ and avatar/ in it")->required();
     declareImportFlags(flags, o.import);
+    flags.prior(o.prior);
     flags.preset("small");
     flags->add_flag("--restart", o.restart, "Start over, also where something is finished");
     flags.memory(o.memoryBudget);

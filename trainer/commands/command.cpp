@@ -69,6 +69,15 @@ void CommandFlags::body(std::string& body) {
         ->type_name("NAME|FILE");
 }
 
+void CommandFlags::prior(std::vector<std::string>& from) {
+    app_.add_option("--prior", from,
+                    "Who tells what the frames do not show: \"cast\" (fifty synthetic people), "
+                    "avatars, folders of avatars, with commas; or \"none\". Without it the cast, "
+                    "of four frames or fewer")
+        ->delimiter(',')
+        ->type_name("WHO");
+}
+
 void CommandFlags::frames(std::string& frames, const char* what) {
     app_.add_option("--frames", frames,
                     fmt::format("{}: a:b is from a up to but not b, a:b:step, lists with commas; "

@@ -70,6 +70,8 @@ public:
     // --preset and --set: fill in the options' member `preset`.
     void preset(const char* fallback);
     void body(std::string& body);
+    // --prior: who tells what frames do not show (trainer/stages/prior/people.h).
+    void prior(std::vector<std::string>& from);
     // what: "Frames to fit".
     void frames(std::string& frames, const char* what);
     void texture(std::string& texture);  // a word of textureKind()

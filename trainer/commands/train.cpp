@@ -74,6 +74,22 @@ void sayDecoded(Ranks& ranks) {
     fmt::print(stderr, "each process decoded {} to {} pictures\n", least, most);
 }
 
+// Of a few pictures, as people take them by hand, the cast tells without being asked.
+KnownPeople knownPeople(const TrainOptions& options, size_t frames, const BodyModel& body) {
+    constexpr size_t kFewPictures = 4;
+    const bool told = std::ranges::any_of(options.stages, [](const std::string& stage) {
+        return stage == "shape" || stage == "texels";
+    });
+    if (!told || options.prior == std::vector<std::string>{"none"}) return {};
+    if (!options.prior.empty()) return readPeople(options.prior, body, "--prior");
+    if (frames > kFewPictures || options.body != "default") return {};
+    fmt::print(stderr,
+               "from {} frame{}: synthetic people tell what {} not show (--prior none: nobody "
+               "does)\n",
+               frames, frames == 1 ? "" : "s", frames == 1 ? "it does" : "they do");
+    return readPeople({"cast"}, body, "--prior");
+}
+
 }  // namespace
 
 void runTrain(const TrainOptions& options) {
@@ -159,6 +175,7 @@ void runTrain(const TrainOptions& options) {
     settings.checkpointSeconds = options.checkpointSeconds;
     settings.pictureSeconds = options.pictureSeconds;
     settings.memoryBudget = options.memoryBudget;
+    settings.known = knownPeople(options, capture.size(), avatar.body);
     settings.profileSteps = options.profileSteps;
     if (options.view) {
         constexpr double kSeconds = 8;  // between the states that the window shows
@@ -226,6 +243,7 @@ void declareFlags(CommandFlags& flags, TrainOptions& o) {
                      "sharpness; 0: from all")
         ->capture_default_str();
     flags.body(o.body);
+    flags.prior(o.prior);
     flags.preset("small");
     CLI::Option* resume = flags->add_flag(
         "--resume", o.resume,

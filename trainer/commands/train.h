@@ -20,6 +20,9 @@ struct TrainOptions {
     Preset preset;
     // Ablations; runTrain applies them to the preset. refine: false takes "refine" out of stages.
     bool refine = true, gan = true, face = true, clamp = true;
+    // Who tells what the frames do not show (readPeople()); "none": nobody; empty: the cast, of four
+    // frames or fewer.
+    std::vector<std::string> prior;
     bool resume = false;   // refuse to start a new run
     bool restart = false;  // leave an unfinished run in the avatar's folder, and start over
     double checkpointSeconds = 180;  // 0: only at Ctrl-C

@@ -6,6 +6,7 @@
 #include <glm/glm.hpp>
 #include <map>
 #include <memory>
+#include <optional>
 
 #include "nn/ops/raster.h"
 #include "trainer/avatar/background.h"
@@ -150,10 +151,10 @@ std::vector<int64_t> mirrorImages(const BodyModel& body, const std::vector<Texel
 }
 
 // Texels that are not known from those that are, along the body's surface; `trust` [size,size] says
-// how well these were seen. Those for which none is left stay unknown.
+// how well these were seen. Those for which none is left stay unknown. `people` tell as well.
 void takeFromNeighbours(const BodyModel& body, const std::vector<TexelPlace>& places,
-                        const std::vector<double>& trust, FirstTexels& first,
-                        std::vector<uint8_t>& known) {
+                        const std::vector<double>& trust, const KnownPeople& people,
+                        FirstTexels& first, std::vector<uint8_t>& known) {
     const auto vertices = static_cast<size_t>(body.vertexCount);
     std::vector<glm::dvec3> colours(vertices);
     std::vector<double> trusted(vertices), shares(vertices);
@@ -176,7 +177,12 @@ void takeFromNeighbours(const BodyModel& body, const std::vector<TexelPlace>& pl
         if (trusted[v] > 0) colours[v] /= trusted[v];
         if (shares[v] > 0) trusted[v] /= shares[v];
     }
-    const UnseenColours unseen = unseenColours(body, colours, trusted);
+    std::optional<ExpectedLook> look;
+    if (!people.people.empty()) {
+        look = expectedLook(people, body, colours, trusted);
+        first.heights = look->heights;
+    }
+    const UnseenColours unseen = unseenColours(body, colours, trusted, look ? &*look : nullptr);
     for (size_t i = 0; i < places.size(); ++i) {
         if (known[i] || places[i].face < 0) continue;
         glm::dvec3 sum(0);
@@ -203,7 +209,8 @@ double FirstTexels::part(TexelOrigin from) const {
 }
 
 FirstTexels backProject(Device& device, const BodyModel& body, const Capture& capture,
-                        FrameCache& frames, int size, int rim, Ranks* ranks) {
+                        FrameCache& frames, int size, int rim, Ranks* ranks,
+                        const KnownPeople& people) {
     rim = rimBeforeScreen(capture, frames, rim, ranks);
     capture.requireMasks();
     BodyPoser poser(device, body);
@@ -269,7 +276,7 @@ FirstTexels backProject(Device& device, const BodyModel& body, const Capture& ca
     stopIfInterrupted(ranks);
     sumOverRanks(ranks, sums);
     sumOverRanks(ranks, totals);
-    FirstTexels first{std::vector<float>(sums.size()), std::vector<uint8_t>(totals.size())};
+    FirstTexels first{std::vector<float>(sums.size()), std::vector<uint8_t>(totals.size()), {}};
     std::vector<uint8_t> known(totals.size());
     for (size_t i = 0; i < totals.size(); ++i) {
         if (!(totals[i] > 1e-12)) continue;
@@ -291,7 +298,7 @@ FirstTexels backProject(Device& device, const BodyModel& body, const Capture& ca
         known[i] = 1;
         totals[i] = totals[static_cast<size_t>(mirrored[i])];
     }
-    takeFromNeighbours(body, places, totals, first, known);
+    takeFromNeighbours(body, places, totals, people, first, known);
     fillHoles(first.texture, known, static_cast<size_t>(size), static_cast<size_t>(size));
     return first;
 }

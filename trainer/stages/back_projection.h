@@ -10,12 +10,14 @@
 #include "trainer/data/capture.h"
 #include "trainer/data/frame_cache.h"
 #include "trainer/data/shared_work.h"
+#include "trainer/stages/prior/people.h"
 
 namespace doppel {
 
 struct FirstTexels {
     std::vector<float> texture;   // [size,size,3] in [0,1]
     std::vector<uint8_t> origin;  // [size,size] TexelOrigin
+    std::vector<float> heights;   // [V] m, of what is worn, as known people tell; empty without
     // The parts of the atlas's texels that have this origin, 0 to 1.
     double part(TexelOrigin from) const;
 };
@@ -25,10 +27,12 @@ struct FirstTexels {
 // outermost pixels of a mask, before a screen in the `rim` outermost, whose colours are the
 // inside's (rim.h). A place counts where no other part of the body is before it, and where it is
 // not seen from its side. A texel that no frame sees takes its mirror image on the body's other
-// side where a frame sees that, else what lies around it on the body (colours/unseen_colours.h).
+// side where a frame sees that, else what lies around it on the body (colours/unseen_colours.h) and
+// what known people tell (prior/expected_look.h).
 // The frames need masks. Each rank looks at its part of the frames; all get the same, which differs
 // from one process's by rounding.
 FirstTexels backProject(Device& device, const BodyModel& body, const Capture& capture,
-                        FrameCache& frames, int size, int rim, Ranks* ranks = nullptr);
+                        FrameCache& frames, int size, int rim, Ranks* ranks = nullptr,
+                        const KnownPeople& known = {});
 
 }  // namespace doppel

@@ -157,7 +157,8 @@ std::vector<std::vector<double>> silhouetteIous(Device& device, const BodyModel&
 
 FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
                      const FitSettings& settings) {
-    const FitPreset& preset = settings.preset;
+    FitPreset preset = settings.preset;
+    preset.batch = std::min(preset.batch, static_cast<int>(capture.size()));
     FrameCache cache(capture);
     FitResult result;
     Capture fitted = capture;

@@ -8,6 +8,7 @@
 
 #include "trainer/avatar/avatar.h"
 #include "trainer/data/capture.h"
+#include "trainer/stages/prior/people.h"
 #include "trainer/stages/stage_loop.h"
 
 namespace doppel {
@@ -20,6 +21,7 @@ struct TrainSettings : LoopSettings {
     std::function<void()> opened;
     std::vector<std::string> stages{"fit", "mesh", "texture"};  // in this order
     uint64_t memoryBudget = 0;
+    KnownPeople known;  // who tell what frames do not show; of nobody: the frames alone do
 
     // sharing: the ranks that share the stage's batches (LoopSettings::sharing()).
     CompileOptions compileOptions(Ranks* sharing = nullptr) const {

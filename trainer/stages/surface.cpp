@@ -12,6 +12,7 @@
 #include "trainer/stages/colours/hand_colours.h"
 #include "trainer/stages/fit.h"
 #include "trainer/stages/live_state.h"
+#include "trainer/stages/prior/expected_look.h"
 #include "trainer/stages/training_frames.h"
 
 namespace doppel {
@@ -49,8 +50,13 @@ void takeGains(Capture& capture, const std::vector<float>& found) {
 }
 
 // The preset with crops no larger than frames are: a crop has the frame's own pixels where it can
-// (trainer/stages/training_frames.h), and beyond the frame there is nothing to learn.
+// (trainer/stages/training_frames.h), and beyond the frame there is nothing to learn. And with
+// steps of no more frames than there are, what holds the surface counting as much beside them.
 SurfacePreset fitting(SurfacePreset preset, const Capture& capture) {
+    const int batch = std::min(preset.batch, static_cast<int>(capture.size()));
+    for (double* weight : {&preset.stay, &preset.smooth, &preset.folds, &preset.stayTexels})
+        *weight *= static_cast<double>(batch) / preset.batch;
+    preset.batch = batch;
     int longest = 1;
     for (const Frame& frame : capture.frames)
         longest = std::max({longest, frame.camera.width, frame.camera.height});
@@ -191,7 +197,7 @@ namespace {
 
 // Steps with which each frame is taken so many times.
 int stepsForVisits(int times, const Capture& capture, const SurfacePreset& preset) {
-    return std::max(1, times * static_cast<int>(capture.size()) / preset.batch);
+    return std::max(1, times * static_cast<int>(capture.size()) / fitting(preset, capture).batch);
 }
 
 // Rounds of steps in which poses are fitted to pictures, each with rates that fall and priors from
@@ -281,6 +287,13 @@ void trainShape(Device& device, TrainResult& result, const TrainSettings& settin
     Avatar& avatar = result.avatar;
     result.capture.betas = avatar.betas;
     FrameCache cache(result.capture);
+    if (!settings.known.people.empty()) {
+        constexpr int kTexels = 256;
+        const FirstTexels first =
+            backProject(device, avatar.body, result.capture, cache, kTexels,
+                        avatar.preset.texels.rim, settings.ranks, settings.known);
+        setOffsets(avatar, offsetsOf(avatar.body, first.heights));
+    }
     SurfaceRun run{.stage = "shape",
                    .preset = avatar.preset.shape,
                    .movesOffsets = true,
@@ -303,7 +316,7 @@ void trainTexels(Device& device, TrainResult& result, const TrainSettings& setti
     result.capture.betas = avatar.betas;
     FrameCache cache(result.capture);
     FirstTexels first = backProject(device, avatar.body, result.capture, cache, size,
-                                    avatar.preset.texels.rim, settings.ranks);
+                                    avatar.preset.texels.rim, settings.ranks, settings.known);
     fmt::print(stderr,
                "{:.1f} % of the texture is seen in the frames, {:.1f} % is taken from the body's "
                "other side, {:.1f} % from its surroundings\n",

@@ -9,25 +9,12 @@
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/avatar/rendering.h"
 #include "trainer/avatar/training_poses.h"
+#include "trainer/data/digest.h"
 #include "trainer/data/output_folder.h"
 
 namespace doppel {
 
 namespace {
-
-// FNV-1a: tells one capture or body from another, no more.
-class Digest {
-public:
-    template <typename T>
-    void add(std::span<const T> values) {
-        for (std::byte b : std::as_bytes(values))
-            hash_ = (hash_ ^ static_cast<uint64_t>(b)) * 0x100000001b3u;
-    }
-    std::string text() const { return fmt::format("{:016x}", hash_); }
-
-private:
-    uint64_t hash_ = 0xcbf29ce484222325u;
-};
 
 // What a run is asked for: all that its result depends on, but the pictures themselves.
 using Asked = std::map<std::string, std::string>;
@@ -62,6 +49,9 @@ Asked askedFor(const TrainSettings& settings, const Avatar& avatar, const Captur
     asked["capture_poses"] = poses.text();
     asked["capture_frames"] = cameras.text();
     asked["body"] = body.text();
+    if (!settings.known.digest.empty())
+        for (const char* stage : {"shape", "texels"})  // which alone they tell
+            asked[std::string(stage) + ".prior"] = settings.known.digest;
     return asked;
 }
 

@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <glm/glm.hpp>
-#include <numeric>
 #include <optional>
 
 #include "engine/error.h"
@@ -140,6 +139,17 @@ std::vector<std::optional<Garment>> sureGarments(const BodyModel& body) {
     return sure;
 }
 
+// Those of which little else is to be expected.
+std::vector<std::optional<Garment>> sureOf(std::span<const GarmentShares> expected) {
+    constexpr double kSure = .9;
+    std::vector<std::optional<Garment>> sure(expected.size());
+    for (size_t v = 0; v < expected.size(); ++v) {
+        const auto most = std::ranges::max_element(expected[v]);
+        if (*most > kSure) sure[v] = static_cast<Garment>(most - expected[v].begin());
+    }
+    return sure;
+}
+
 // A print has colours of hair, a fold those of trousers: an island of a garment that no sure vertex
 // has takes the garment that it borders on most. Of skin, which shows at knees and between clothes,
 // only small ones.
@@ -211,23 +221,37 @@ std::vector<glm::dvec3> vertexColours(const BodyModel& body, std::span<const flo
 
 std::vector<Garment> segmentGarments(const BodyModel& body, std::span<const float> texture,
                                      int size) {
+    const std::vector<glm::dvec3> colours = vertexColours(body, texture, size);
+    return segmentGarments(body, colours, std::vector<double>(colours.size(), 1));
+}
+
+std::vector<Garment> segmentGarments(const BodyModel& body, std::span<const glm::dvec3> srgb,
+                                     std::span<const double> seen,
+                                     std::span<const GarmentShares> expected) {
     constexpr int kRounds = 4, kSweeps = 15;
     constexpr double kAgree = 1.5;    // nats, of neighbours of one colour
     constexpr double kRareCost = 18;  // nats, of a garment that hardly a vertex has
     constexpr size_t kFewest = 20;    // vertices to learn colours from
+    constexpr double kSeenWell = .3;  // enough for that
+    constexpr double kLeastShare = .01;
+    // Who is known says better what may be worn where.
+    const double placesCount = expected.empty() ? 1 : .3;
 
     const auto vertices = static_cast<size_t>(body.vertexCount);
+    CHECK(srgb.size() == vertices && seen.size() == vertices, "of {} vertices", vertices);
     const MeshTopology mesh = meshTopology(body.faces, body.vertexCount, body.file);
     std::vector<glm::dvec3> colours;
-    for (const auto& srgb : vertexColours(body, texture, size)) colours.push_back(labOf(srgb));
+    for (const glm::dvec3& colour : srgb) colours.push_back(labOf(colour));
 
     std::vector<Costs> places(vertices);
     for (size_t v = 0; v < vertices; ++v)
         for (size_t g = 0; g < kGarmentCount; ++g) {
             for (const Place& place : kPlaces)
-                places[v][g] +=
-                    double{body.weights[v * joint::kCount + place.joint]} * place.costs[g];
-            if (body.face[v]) places[v][g] += kFace[g];
+                places[v][g] += placesCount *
+                                double{body.weights[v * joint::kCount + place.joint]} *
+                                place.costs[g];
+            if (body.face[v]) places[v][g] += placesCount * kFace[g];
+            if (!expected.empty()) places[v][g] -= std::log(kLeastShare + expected[v][g]);
         }
 
     // As in GrabCut, agreement wears off over twice the mean squared difference.
@@ -238,22 +262,32 @@ std::vector<Garment> segmentGarments(const BodyModel& body, std::span<const floa
             colours[size_t(mesh.edges[2 * e])] - colours[size_t(mesh.edges[2 * e + 1])];
         agree[e] = glm::dot(difference, difference);
     }
-    const double mean =
-        std::accumulate(agree.begin(), agree.end(), 0.) / double(std::max<size_t>(edges, 1));
-    for (double& a : agree) a = kAgree * (mean > 0 ? std::exp(-a / (2 * mean)) : 1);
+    auto both = [&](size_t e) {
+        return std::min(seen[size_t(mesh.edges[2 * e])], seen[size_t(mesh.edges[2 * e + 1])]);
+    };
+    double differences = 0, pairs = 0;
+    for (size_t e = 0; e < edges; ++e) differences += both(e) * agree[e], pairs += both(e);
+    const double mean = pairs > 0 ? differences / pairs : 0;
+    for (size_t e = 0; e < edges; ++e) {
+        const double same = mean > 0 ? std::exp(-agree[e] / (2 * mean)) : 1;
+        agree[e] = kAgree * std::lerp(1., same, both(e));
+    }
 
-    const std::vector<std::optional<Garment>> sure = sureGarments(body);
+    const std::vector<std::optional<Garment>> sure =
+        expected.empty() ? sureGarments(body) : sureOf(expected);
     std::vector<std::optional<Garment>> labels = sure;
     for (int round = 0; round < kRounds; ++round) {
         std::vector<Costs> costs = places;
         for (size_t g = 0; g < kGarmentCount; ++g) {
             std::vector<glm::dvec3> known;
             for (size_t v = 0; v < vertices; ++v)
-                if (labels[v] && number(*labels[v]) == g) known.push_back(colours[v]);
+                if (labels[v] && number(*labels[v]) == g && seen[v] >= kSeenWell)
+                    known.push_back(colours[v]);
             std::optional<ColourMixture> mixture;
             if (known.size() >= kFewest) mixture.emplace(std::move(known));
             for (size_t v = 0; v < vertices; ++v)
-                costs[v][g] += mixture ? mixture->cost(colours[v]) : kRareCost;
+                if (seen[v] > 0)
+                    costs[v][g] += seen[v] * (mixture ? mixture->cost(colours[v]) : kRareCost);
         }
         // Mean field: each vertex's shares given those of its neighbours.
         std::vector<Costs> shares(vertices), support(vertices);

@@ -2,6 +2,7 @@
 // and by where on the body it lies.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <span>
@@ -30,5 +31,15 @@ glm::dvec3 colourAt(std::span<const float> texture, int size, const glm::dvec2& 
 // can hardly be anything else (face and hands, crown, chest, thighs, feet).
 std::vector<Garment> segmentGarments(const BodyModel& body, std::span<const float> texture,
                                      int size);
+
+// Of what the garments' shares of a hundred such vertices are, say.
+using GarmentShares = std::array<double, kGarmentCount>;
+// The same by colours [V] of vertices that were seen so well, 0 (not at all) to 1, and by what is
+// to be expected of them [V], shares that sum to one; empty: anything. What was not seen wears what
+// is expected there and what its neighbours wear. Where little else is to be expected, colours are
+// learned first.
+std::vector<Garment> segmentGarments(const BodyModel& body, std::span<const glm::dvec3> colours,
+                                     std::span<const double> seen,
+                                     std::span<const GarmentShares> expected = {});
 
 }  // namespace doppel

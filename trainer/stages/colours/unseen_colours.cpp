@@ -17,6 +17,8 @@ constexpr double kAlong = 1. / 100, kAround = 1, kEdges = 1e-4;
 constexpr double kLeastArea = 1e-10;  // m2, twice
 // Of what a vertex is off by that was seen as well as can be: it keeps its colour.
 constexpr double kKeeps = 100;
+// Between garments, of what is within one; and how far colours reach, m, where a look is expected.
+constexpr double kAcross = 1e-3, kReach = .1;
 
 // [24] Of each joint the direction of its bone, times itself: how much another is along it. Of the
 // limbs it is the bone that begins there, or where none does the one that ends there. Trunk and
@@ -45,7 +47,7 @@ std::vector<glm::dmat3> boneDirections(const BodyModel& body) {
 }  // namespace
 
 UnseenColours unseenColours(const BodyModel& body, std::span<const glm::dvec3> seen,
-                            std::span<const double> trust) {
+                            std::span<const double> trust, const ExpectedLook* look) {
     const auto vertices = size_t(body.vertexCount);
     CHECK(seen.size() == vertices && trust.size() == vertices, "of {} vertices", vertices);
     const MeshTopology mesh = meshTopology(body.faces, body.vertexCount, body.file);
@@ -87,6 +89,7 @@ UnseenColours unseenColours(const BodyModel& body, std::span<const glm::dvec3> s
         entries.emplace_back(b, b, kEdges);
         entries.emplace_back(std::max(a, b), std::min(a, b), -kEdges);
     }
+    std::vector<double> expects(vertices);
     for (size_t f = 0; f < body.faces.size() / 3; ++f) {
         const int32_t* face = &body.faces[3 * f];
         if (!result.reached[size_t(face[0])]) continue;
@@ -101,7 +104,13 @@ UnseenColours unseenColours(const BodyModel& body, std::span<const glm::dvec3> s
         const glm::dvec3 cross = glm::cross(x[1] - x[0], x[2] - x[0]);
         const double twice = glm::length(cross);  // its area
         if (twice < kLeastArea) continue;
-        const glm::dmat3 spread = kAround * glm::dmat3(1) + (kAlong - kAround) * bone;
+        glm::dmat3 spread = kAround * glm::dmat3(1) + (kAlong - kAround) * bone;
+        if (look) {
+            auto worn = [&](size_t k) { return look->garments[size_t(face[k])]; };
+            if (worn(0) != worn(1) || worn(0) != worn(2)) spread *= kAcross;
+            for (size_t k = 0; k < 3; ++k)
+                expects[size_t(face[k])] += twice / 6 / (kReach * kReach);
+        }
         // What grows from 0 to 1 from the opposite edge to a corner grows along this.
         std::array<glm::dvec3, 3> gradients;
         for (size_t k = 0; k < 3; ++k)
@@ -112,6 +121,7 @@ UnseenColours unseenColours(const BodyModel& body, std::span<const glm::dvec3> s
                     entries.emplace_back(face[i], face[j],
                                          twice / 2 * glm::dot(gradients[i], spread * gradients[j]));
     }
+    for (size_t v = 0; v < vertices; ++v) entries.emplace_back(int(v), int(v), expects[v]);
     const auto rows = Eigen::Index(vertices);
     Eigen::SparseMatrix<double> matrix(rows, rows);  // its lower half
     matrix.setFromTriplets(entries.begin(), entries.end());
@@ -121,7 +131,8 @@ UnseenColours unseenColours(const BodyModel& body, std::span<const glm::dvec3> s
     Eigen::MatrixX3d wanted(rows, 3);
     for (size_t v = 0; v < vertices; ++v)
         for (int c = 0; c < 3; ++c)
-            wanted(int(v), c) = (result.reached[v] ? kKeeps * trust[v] : 1) * seen[v][c];
+            wanted(int(v), c) = (result.reached[v] ? kKeeps * trust[v] : 1) * seen[v][c] +
+                                (look ? expects[v] * look->colours[v][c] : 0);
     const Eigen::MatrixX3d colours = solver.solve(wanted);
     for (size_t v = 0; v < vertices; ++v)
         for (int c = 0; c < 3; ++c) result.colours[v][c] = colours(int(v), c);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "nn/body/body.h"
+#include "trainer/stages/prior/expected_look.h"
 
 namespace doppel {
 
@@ -20,7 +21,10 @@ struct UnseenColours {
     std::vector<glm::dvec3> colours;
     std::vector<char> reached;
 };
+//
+// Where a look is expected, colours pass over from one of its garments to another hardly at all, and
+// far from what was seen, a decimetre or two, they become the expected.
 UnseenColours unseenColours(const BodyModel& body, std::span<const glm::dvec3> seen,
-                            std::span<const double> trust);
+                            std::span<const double> trust, const ExpectedLook* look = nullptr);
 
 }  // namespace doppel

@@ -1,0 +1,195 @@
+// What known people tell of one who is seen from one side: held-out members of the cast, whose
+// other side is known.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
+#include "engine/error.h"
+#include "tests/files.h"
+#include "trainer/avatar/avatar.h"
+#include "trainer/avatar/bake.h"
+#include "trainer/stages/colours/unseen_colours.h"
+#include "trainer/stages/prior/expected_look.h"
+
+namespace doppel {
+namespace {
+
+const BodyModel& body() {
+    static const BodyModel model = bodyFromNpz(readBodyArrays("default"));
+    return model;
+}
+
+const KnownPeople& cast() {
+    static const KnownPeople people = readPeople({"cast"}, body(), "--prior");
+    return people;
+}
+
+KnownPeople withoutMember(size_t member) {
+    KnownPeople others = cast();
+    others.people.erase(others.people.begin() + ptrdiff_t(member));
+    return others;
+}
+
+// How well a member is seen from where z points (1: from before, -1: from behind).
+std::vector<double> trustFrom(double z) {
+    std::vector<double> trust;
+    for (const glm::dvec3& normal : skinNormals(body())) {
+        const double facing = z * normal.z;
+        trust.push_back(facing > .25 ? std::pow(facing, 4) : 0);
+    }
+    return trust;
+}
+
+struct Told {
+    size_t unseen = 0;
+    double garments = 0;                   // part that is right, of what is not seen
+    double colours = 0, coloursAlone = 0;  // mean distance, with and without the known
+    double heights = 0, heightsAlone = 0;  // mean difference, m; without: of the skin
+};
+
+Told told(size_t member, double z, const std::function<bool(size_t)>& where) {
+    const KnownPerson& person = cast().people[member];
+    const std::vector<double> trust = trustFrom(z);
+    std::vector<glm::dvec3> seen = person.colours;
+    for (size_t v = 0; v < seen.size(); ++v)
+        if (trust[v] == 0) seen[v] = glm::dvec3(0);
+    const ExpectedLook look = expectedLook(withoutMember(member), body(), seen, trust);
+    const UnseenColours with = unseenColours(body(), seen, trust, &look);
+    const UnseenColours alone = unseenColours(body(), seen, trust);
+    Told result;
+    for (size_t v = 0; v < seen.size(); ++v) {
+        if (trust[v] > 0 || !where(v)) continue;
+        ++result.unseen;
+        result.garments += look.garments[v] == person.garments[v];
+        result.colours += glm::distance(with.colours[v], person.colours[v]);
+        result.coloursAlone += glm::distance(alone.colours[v], person.colours[v]);
+        result.heights += std::abs(double{look.heights[v]} - double{person.heights[v]});
+        result.heightsAlone += double{person.heights[v]};
+    }
+    return result;
+}
+
+// Over every eighth of the cast.
+Told toldOfMembers(double z, const std::function<bool(size_t)>& where) {
+    Told sum;
+    for (size_t member = 0; member < cast().people.size(); member += 8) {
+        const Told one = told(member, z, where);
+        sum.unseen += one.unseen;
+        for (auto field : {&Told::garments, &Told::colours, &Told::coloursAlone, &Told::heights,
+                           &Told::heightsAlone})
+            sum.*field += one.*field;
+    }
+    for (auto field : {&Told::garments, &Told::colours, &Told::coloursAlone, &Told::heights,
+                       &Told::heightsAlone})
+        sum.*field /= double(sum.unseen);
+    return sum;
+}
+
+TEST(KnownPeople, TheCastIsFiftyPeople) {
+    ASSERT_EQ(cast().people.size(), 50u);
+    for (const KnownPerson& person : cast().people) {
+        ASSERT_EQ(person.garments.size(), size_t(body().vertexCount));
+        std::array<size_t, kGarmentCount> counts{};
+        for (Garment garment : person.garments) ++counts[number(garment)];
+        for (size_t count : counts) EXPECT_GT(count, 20u);
+        for (size_t v = 0; v < person.garments.size(); ++v)
+            EXPECT_TRUE(person.garments[v] != Garment::Skin || person.heights[v] == 0);
+    }
+    EXPECT_FALSE(cast().digest.empty());
+}
+
+TEST(KnownPeople, TellTheBackOfWhoIsSeenFromBefore) {
+    const Told all = toldOfMembers(1, [](size_t) { return true; });
+    EXPECT_GT(all.unseen, 7 * size_t(body().vertexCount) / 3);
+    EXPECT_GT(all.garments, .95);
+    EXPECT_LT(all.colours, .85 * all.coloursAlone);
+    EXPECT_LT(all.heights, .4 * all.heightsAlone);
+}
+
+TEST(KnownPeople, GiveAFaceToWhoIsSeenFromBehind) {
+    const Told face = toldOfMembers(-1, [](size_t v) { return body().face[v] != 0; });
+    EXPECT_GT(face.garments, .95);
+    EXPECT_LT(face.colours, .75 * face.coloursAlone);
+}
+
+// One whose head is before the camera from behind the crown on: a forehead's colour is no hair's.
+TEST(KnownPeople, HairIsWhatIsNoFacesColour) {
+    const glm::dvec3 skin(.85, .7, .6), hair(.2, .15, .1);
+    std::vector<glm::dvec3> seen(size_t(body().vertexCount), skin);
+    const std::vector<double> trust = trustFrom(1);
+    // A strip of hair on the crown; the rest of what is before it is a high forehead.
+    float top = 0;
+    for (size_t v = 0; v < seen.size(); ++v)
+        top = std::max(top, body().templateVertices[3 * v + 1]);
+    for (size_t v = 0; v < seen.size(); ++v)
+        if (body().templateVertices[3 * v + 1] > top - .03f) seen[v] = hair;
+    const ExpectedLook look = expectedLook(cast(), body(), seen, trust);
+    size_t behind = 0;
+    for (size_t v = 0; v < seen.size(); ++v) {
+        if (body().templateVertices[3 * v + 1] < top - .16f ||
+            body().templateVertices[3 * v + 2] > -.02f)
+            continue;
+        ++behind;
+        EXPECT_LT(glm::distance(look.colours[v], hair), .1) << v;
+    }
+    EXPECT_GT(behind, 20u);
+}
+
+TEST(KnownPeople, AreAvatarsToo) {
+    Avatar avatar;
+    avatar.bodyArrays = readBodyArrays("default");
+    avatar.body = body();
+    const KnownPerson& member = cast().people[0];
+    // A texel has the colour of its nearest vertex.
+    avatar.textureSize = 256;
+    avatar.texture.resize(3 * 256 * 256);
+    const std::vector<TexelPlace> places = texelPlaces(body(), 256);
+    for (size_t t = 0; t < places.size(); ++t) {
+        if (places[t].face < 0) continue;
+        const auto nearest =
+            size_t(std::ranges::max_element(places[t].corners) - places[t].corners.begin());
+        const glm::dvec3& colour =
+            member.colours[size_t(body().faces[3 * size_t(places[t].face) + nearest])];
+        for (int c = 0; c < 3; ++c) avatar.texture[3 * t + size_t(c)] = float(colour[c]);
+    }
+    setOffsets(avatar, offsetsOf(body(), member.heights));
+    const test::Folder folder;
+    writeAvatar(folder / "avatars" / "ann", avatar);
+    const KnownPeople one = readPeople({(folder / "avatars").string()}, body(), "--prior");
+    ASSERT_EQ(one.people.size(), 1u);
+    size_t same = 0;
+    double off = 0;
+    for (size_t v = 0; v < member.garments.size(); ++v) {
+        same += one.people[0].garments[v] == member.garments[v];
+        if (one.people[0].garments[v] != Garment::Skin)
+            off += std::abs(double{one.people[0].heights[v]} - double{member.heights[v]});
+    }
+    EXPECT_GT(double(same), .85 * double(member.garments.size()));
+    EXPECT_LT(off / double(member.garments.size()), 1e-3);
+    EXPECT_NE(one.digest, cast().digest);
+    const KnownPeople both =
+        readPeople({"cast", (folder / "avatars" / "ann").string()}, body(), "--prior");
+    EXPECT_EQ(both.people.size(), 51u);
+
+    BodyModel other = body();
+    other.templateVertices[0] += .1f;
+    other.file = "other.npz";
+    auto refused = [](const std::vector<std::string>& from, const BodyModel& model,
+                      const std::string& named) {
+        const std::string said =
+            test::messageOf<InputError>([&] { readPeople(from, model, "--prior"); });
+        EXPECT_NE(said.find("--prior"), said.npos);
+        EXPECT_NE(said.find(named), said.npos) << said;
+    };
+    refused({"cast"}, other, "other.npz");
+    refused({(folder / "avatars").string()}, other, "ann");
+    refused({(folder / "nobody").string()}, body(), "nobody");
+    std::filesystem::create_directory(folder / "empty");
+    refused({(folder / "empty").string()}, body(), "empty");
+    EXPECT_TRUE(readPeople({}, body(), "--prior").people.empty());
+}
+
+}  // namespace
+}  // namespace doppel

@@ -1,0 +1,40 @@
+// People who are known before one is seen: what they wear where on the body, its colours, and how
+// far it stands off the skin.
+#pragma once
+
+#include <glm/glm.hpp>
+#include <string>
+#include <vector>
+
+#include "nn/body/body.h"
+#include "trainer/avatar/avatar.h"
+#include "trainer/avatar/mix/garments.h"
+
+namespace doppel {
+
+// One of them, on the vertices of the body model [V].
+struct KnownPerson {
+    std::vector<Garment> garments;
+    std::vector<glm::dvec3> colours;  // sRGB-encoded
+    std::vector<float> heights;       // m, of what is worn, along the normal; none below the skin
+};
+
+struct KnownPeople {
+    std::vector<KnownPerson> people;  // empty: nobody is
+    std::string digest;               // of all that is known of them; empty: of nobody
+};
+
+// Each of `from` is "cast" (fifty synthetic people, assets/body/cast.npz), an avatar's folder, or a
+// folder that holds avatars. InputError, naming `where` and which, for anything else and for
+// people of another body model.
+KnownPeople readPeople(const std::vector<std::string>& from, const BodyModel& body,
+                       const std::string& where);
+
+// [V] Unit normals of the body without anything worn.
+std::vector<glm::dvec3> skinNormals(const BodyModel& body);
+
+// An avatar as one of them: its garments by segmentGarments(), its heights from its offsets. It
+// needs a texture.
+KnownPerson personOf(const Avatar& avatar);
+
+}  // namespace doppel
