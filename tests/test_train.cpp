@@ -180,6 +180,7 @@ TEST(Train, KnownPeopleTellWhatOnePictureDoesNotShow) {
     avatar.bodyArrays = readBodyArrays("default");
     avatar.body = bodyFromNpz(avatar.bodyArrays);
     avatar.preset = tinyPreset();
+    avatar.preset.shape.steps = 120;
     avatar.preset.texture.textureSize = 128;
     TrainSettings settings;
     settings.out = folder.path() / "alone";
@@ -206,6 +207,11 @@ TEST(Train, KnownPeopleTellWhatOnePictureDoesNotShow) {
     };
     EXPECT_LT(lightOf(told, true), .8 * lightOf(told, false));
     EXPECT_LT(lightOf(told, true), lightOf(alone, true) - .1);
+
+    // Hundred looks at a picture are enough.
+    const std::string losses = test::bytesOf(settings.out / "log" / "losses_shape.csv");
+    EXPECT_NE(losses.find("\n99,"), losses.npos);
+    EXPECT_EQ(losses.find("\n100,"), losses.npos);
 
     // A finished avatar is not taken for one that others told of.
     EXPECT_TRUE(isTrained(told, avatar, capture, Precision::Single, settings));
