@@ -1,4 +1,5 @@
 // `doppel avatar`: from a video to an avatar.
+#include <algorithm>
 #include <fstream>
 #include <iterator>
 #include <optional>
@@ -97,7 +98,8 @@ void runAvatar(const AvatarOptions& options) {
     claimFiles(options.out, "person", {"capture", "avatar", "request.txt"});
     const FolderLock lock(options.out);
     bringCaptureIn(options);
-    const std::string lacking = whatIsNotSeen(readCapture(options.out / "capture"));
+    const Capture capture = readCapture(options.out / "capture");
+    const std::string lacking = whatIsNotSeen(capture);
     if (!lacking.empty()) fmt::print(stderr, "{}\n", lacking);
 
     TrainOptions train;
@@ -106,6 +108,11 @@ void runAvatar(const AvatarOptions& options) {
     train.out = options.out / "avatar";
     train.body = options.import.body;
     train.stages = stagesOf(options.preset, stageNames());
+    // Networks learn what changes from frame to frame, and of a few pictures the pictures.
+    if (capture.size() <= kFewPictures && std::ranges::count(train.stages, "texels") > 0)
+        std::erase_if(train.stages, [](const std::string& stage) {
+            return stage == "mesh" || stage == "texture" || stage == "refine";
+        });
     train.preset = options.preset;
     train.prior = options.prior;
     train.restart = options.restart;

@@ -76,7 +76,6 @@ void sayDecoded(Ranks& ranks) {
 
 // Of a few pictures, as people take them by hand, the cast tells without being asked.
 KnownPeople knownPeople(const TrainOptions& options, size_t frames, const BodyModel& body) {
-    constexpr size_t kFewPictures = 4;
     const bool told = std::ranges::any_of(options.stages, [](const std::string& stage) {
         return stage == "shape" || stage == "texels";
     });

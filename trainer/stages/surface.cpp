@@ -52,12 +52,14 @@ void takeGains(Capture& capture, const std::vector<float>& found) {
 // The preset with crops no larger than frames are: a crop has the frame's own pixels where it can
 // (trainer/stages/training_frames.h), and beyond the frame there is nothing to learn. And with
 // steps of no more frames than there are, what holds the surface counting as much beside them. Few
-// frames are learnt by heart, poses that are off included, if steps go on for long.
+// frames are learnt by heart, poses that are off included, if steps go on for long; of eight there
+// are enough for 500 steps.
 SurfacePreset fitting(SurfacePreset preset, const Capture& capture) {
-    constexpr int kMostVisits = 100;  // of a frame
     const int frames = static_cast<int>(capture.size());
     const int batch = std::min(preset.batch, frames);
-    preset.steps = std::min(preset.steps, (kMostVisits * frames + batch - 1) / batch);
+    const int visits = 100 + 40 * std::max(0, frames - 4);  // of a frame, at most
+    preset.steps = static_cast<int>(
+        std::min<int64_t>(preset.steps, (int64_t{visits} * frames + batch - 1) / batch));
     for (double* weight : {&preset.stay, &preset.smooth, &preset.folds, &preset.stayTexels})
         *weight *= static_cast<double>(batch) / preset.batch;
     preset.batch = batch;
