@@ -288,6 +288,7 @@ def draw(cast, arrays, folder):
 
 
 def vertex_picture(vertices, faces, colours, turn, size=(260, 270), extent=1.75):
+    """A mesh with a colour at each vertex, seen from `turn` degrees: uint8 [H, W, 3]."""
     angle = np.radians(turn)
     x = vertices[:, 0] * np.cos(angle) + vertices[:, 2] * np.sin(angle)
     z = vertices[:, 2] * np.cos(angle) - vertices[:, 0] * np.sin(angle)

@@ -53,13 +53,15 @@ void takeGains(Capture& capture, const std::vector<float>& found) {
 // (trainer/stages/training_frames.h), and beyond the frame there is nothing to learn. And with
 // steps of no more frames than there are, what holds the surface counting as much beside them. Few
 // frames are learnt by heart, poses that are off included, if steps go on for long; of eight there
-// are enough for 500 steps.
+// are enough for 500 steps. What one picture sees from its side, or two from opposite ones, no
+// other sets right: there it has the outline's colours, and the first texels' are better.
 SurfacePreset fitting(SurfacePreset preset, const Capture& capture) {
     const int frames = static_cast<int>(capture.size());
     const int batch = std::min(preset.batch, frames);
     const int visits = 100 + 40 * std::max(0, frames - 4);  // of a frame, at most
     preset.steps = static_cast<int>(
         std::min<int64_t>(preset.steps, (int64_t{visits} * frames + batch - 1) / batch));
+    if (frames <= 2) preset.facing = std::max(preset.facing, 4.);
     for (double* weight : {&preset.stay, &preset.smooth, &preset.folds, &preset.stayTexels})
         *weight *= static_cast<double>(batch) / preset.batch;
     preset.batch = batch;

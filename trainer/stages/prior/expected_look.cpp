@@ -111,6 +111,55 @@ std::optional<glm::dvec3> hairTone(const KnownPeople& known, const BodyModel& bo
     return sum / total;
 }
 
+// The colour of each garment.
+std::array<glm::dvec3, kGarmentCount> tonesOf(const KnownPeople& known, const BodyModel& body,
+                                              const std::vector<Garment>& garments,
+                                              std::span<const glm::dvec3> colours,
+                                              std::span<const double> seen) {
+    std::array<glm::dvec3, kGarmentCount> tones{};
+    for (size_t g = 0; g < kGarmentCount; ++g) {
+        const auto garment = static_cast<Garment>(g);
+        std::optional<glm::dvec3> tone;
+        if (garment == Garment::Hair) tone = hairTone(known, body, colours, seen);
+        if (!tone) tone = toneOf(colours, garments, garment, seen);
+        if (!tone) {
+            glm::dvec3 sum(0);
+            double total = 0;
+            for (const KnownPerson& person : known.people)
+                for (size_t v = 0; v < person.garments.size(); ++v)
+                    if (person.garments[v] == garment) sum += person.colours[v], ++total;
+            tone = total > 0 ? sum / total : glm::dvec3(.5);
+        }
+        tones[g] = *tone;
+    }
+    return tones;
+}
+
+// [V of the model] What skin is there over its mean where this one's is seen, in the mean over the
+// known who show some; 1 where none of them does.
+std::vector<glm::dvec3> skinOver(const KnownPeople& known, const std::vector<Garment>& garments,
+                                 std::span<const double> seen, size_t vertices) {
+    std::vector<double> counts(vertices), shares(vertices);
+    for (size_t v = 0; v < vertices; ++v)
+        if (garments[v] == Garment::Skin) counts[v] = seen[v];
+    const std::vector<double> all(vertices, 1);
+    std::vector<glm::dvec3> over(vertices, glm::dvec3(0));
+    for (const KnownPerson& person : known.people) {
+        std::optional<glm::dvec3> tone =
+            toneOf(person.colours, person.garments, Garment::Skin, counts);
+        if (!tone) tone = toneOf(person.colours, person.garments, Garment::Skin, all);
+        if (!tone) continue;
+        for (size_t v = 0; v < vertices; ++v)
+            if (person.garments[v] == Garment::Skin) {
+                over[v] += person.colours[v] / glm::max(*tone, glm::dvec3(1e-3));
+                ++shares[v];
+            }
+    }
+    for (size_t v = 0; v < vertices; ++v)
+        over[v] = shares[v] > 0 ? over[v] / shares[v] : glm::dvec3(1);
+    return over;
+}
+
 // Heights step where garments end, and cloth does not.
 void smoothHeights(const BodyModel& body, std::vector<float>& heights) {
     constexpr int kPasses = 5;
@@ -168,45 +217,13 @@ ExpectedLook expectedLook(const KnownPeople& known, const BodyModel& body,
             for (size_t r = 0; r < kRegions; ++r) counts[p][r] += (1 - kStrangers) * likely[p][r];
     }
 
-    // Skin of each of the known over the mean of what is seen of this one's.
-    std::vector<double> skinShares(model);
-    std::vector<glm::dvec3> skin(model, glm::dvec3(0));
-    for (const KnownPerson& person : known.people) {
-        std::vector<double> both(model);
-        for (size_t v = 0; v < model; ++v)
-            if (look.garments[v] == Garment::Skin) both[v] = seen[v];
-        std::optional<glm::dvec3> tone =
-            toneOf(person.colours, person.garments, Garment::Skin, both);
-        if (!tone)
-            tone = toneOf(person.colours, person.garments, Garment::Skin,
-                          std::vector<double>(model, 1));
-        if (!tone) continue;
-        for (size_t v = 0; v < model; ++v)
-            if (person.garments[v] == Garment::Skin) {
-                skin[v] += person.colours[v] / glm::max(*tone, glm::dvec3(1e-3));
-                ++skinShares[v];
-            }
-    }
-    std::array<glm::dvec3, kGarmentCount> tones{};
-    for (size_t g = 0; g < kGarmentCount; ++g) {
-        const auto garment = static_cast<Garment>(g);
-        std::optional<glm::dvec3> tone;
-        if (garment == Garment::Hair) tone = hairTone(known, body, colours, seen);
-        if (!tone) tone = toneOf(colours, look.garments, garment, seen);
-        if (!tone) {
-            glm::dvec3 sum(0);
-            double total = 0;
-            for (const KnownPerson& person : known.people)
-                for (size_t v = 0; v < model; ++v)
-                    if (person.garments[v] == garment) sum += person.colours[v], ++total;
-            tone = total > 0 ? sum / total : glm::dvec3(.5);
-        }
-        tones[g] = *tone;
-    }
+    const std::array<glm::dvec3, kGarmentCount> tones =
+        tonesOf(known, body, look.garments, colours, seen);
+    const std::vector<glm::dvec3> skin = skinOver(known, look.garments, seen, model);
     for (size_t v = 0; v < vertices; ++v) {
         glm::dvec3 colour = tones[number(look.garments[v])];
-        if (v < model && look.garments[v] == Garment::Skin && skinShares[v] > 0)
-            colour = glm::clamp(colour * skin[v] / skinShares[v], 0., 1.);
+        if (v < model && look.garments[v] == Garment::Skin)
+            colour = glm::clamp(colour * skin[v], 0., 1.);
         look.colours.push_back(colour);
     }
 
