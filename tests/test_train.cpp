@@ -187,6 +187,12 @@ TEST(Train, KnownPeopleTellWhatOnePictureDoesNotShow) {
     settings.pictureSeconds = 0;
     settings.stages = {"fit", "shape", "texels"};
     const Avatar alone = trainAvatar(testDevice(), avatar, capture, settings).avatar;
+    // One picture teaches texels by how frontal it sees them, whatever the preset says.
+    avatar.preset.texels.facing = 0;
+    settings.out = folder.path() / "again";
+    EXPECT_EQ(trainAvatar(testDevice(), avatar, capture, settings).avatar.texels, alone.texels);
+    avatar.preset = alone.preset;
+
     settings.out = folder.path() / "told";
     settings.known = readPeople({"cast"}, avatar.body, "--prior");
     const Avatar told = trainAvatar(testDevice(), avatar, capture, settings).avatar;
@@ -208,7 +214,7 @@ TEST(Train, KnownPeopleTellWhatOnePictureDoesNotShow) {
     EXPECT_LT(lightOf(told, true), .8 * lightOf(told, false));
     EXPECT_LT(lightOf(told, true), lightOf(alone, true) - .1);
 
-    // Hundred looks at a picture are enough.
+    // A hundred looks at a picture are enough.
     const std::string losses = test::bytesOf(settings.out / "log" / "losses_shape.csv");
     EXPECT_NE(losses.find("\n99,"), losses.npos);
     EXPECT_EQ(losses.find("\n100,"), losses.npos);

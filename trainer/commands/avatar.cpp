@@ -94,6 +94,20 @@ void bringCaptureIn(const AvatarOptions& options) {
 
 void runAvatar(const AvatarOptions& options) {
     catchInterrupts();
+    TrainOptions train;
+    train.common = options.common;
+    train.capture = options.out / "capture";
+    train.out = options.out / "avatar";
+    train.body = options.import.body;
+    train.stages = stagesOf(options.preset, stageNames());
+    train.preset = options.preset;
+    train.prior = options.prior;
+    train.replaces = true;
+    train.restart = options.restart;
+    train.memoryBudget = options.memoryBudget;
+    if (!train.prior.empty())  // before a clip is looked through for nothing
+        knownPeople(train, kFewPictures, bodyFromNpz(readBodyArrays(train.body)));
+
     requireApart(options.out, inputsOf(options.import));
     claimFiles(options.out, "person", {"capture", "avatar", "request.txt"});
     const FolderLock lock(options.out);
@@ -101,22 +115,11 @@ void runAvatar(const AvatarOptions& options) {
     const Capture capture = readCapture(options.out / "capture");
     const std::string lacking = whatIsNotSeen(capture);
     if (!lacking.empty()) fmt::print(stderr, "{}\n", lacking);
-
-    TrainOptions train;
-    train.common = options.common;
-    train.capture = options.out / "capture";
-    train.out = options.out / "avatar";
-    train.body = options.import.body;
-    train.stages = stagesOf(options.preset, stageNames());
     // Networks learn what changes from frame to frame, and of a few pictures the pictures.
     if (capture.size() <= kFewPictures && std::ranges::count(train.stages, "texels") > 0)
         std::erase_if(train.stages, [](const std::string& stage) {
             return stage == "mesh" || stage == "texture" || stage == "refine";
         });
-    train.preset = options.preset;
-    train.prior = options.prior;
-    train.restart = options.restart;
-    train.memoryBudget = options.memoryBudget;
     runTrain(train);
 }
 

@@ -74,22 +74,26 @@ void sayDecoded(Ranks& ranks) {
     fmt::print(stderr, "each process decoded {} to {} pictures\n", least, most);
 }
 
-// Of a few pictures, as people take them by hand, the cast tells without being asked.
+}  // namespace
+
 KnownPeople knownPeople(const TrainOptions& options, size_t frames, const BodyModel& body) {
-    const bool told = std::ranges::any_of(options.stages, [](const std::string& stage) {
+    if (options.prior == std::vector<std::string>{"none"}) return {};
+    const bool asks = std::ranges::any_of(options.stages, [](const std::string& stage) {
         return stage == "shape" || stage == "texels";
     });
-    if (!told || options.prior == std::vector<std::string>{"none"}) return {};
-    if (!options.prior.empty()) return readPeople(options.prior, body, "--prior");
-    if (frames > kFewPictures || options.body != "default") return {};
+    if (!options.prior.empty()) {
+        if (!asks)
+            throwInput("--prior: expected stage shape or texels, which ask others, found {}",
+                       fmt::join(options.stages, ","));
+        return readPeople(options.prior, body, "--prior", options.out);
+    }
+    if (!asks || frames > kFewPictures || options.body != "default") return {};
     fmt::print(stderr,
                "from {} frame{}: synthetic people tell what {} not show (--prior none: nobody "
                "does)\n",
                frames, frames == 1 ? "" : "s", frames == 1 ? "it does" : "they do");
     return readPeople({"cast"}, body, "--prior");
 }
-
-}  // namespace
 
 void runTrain(const TrainOptions& options) {
     catchInterrupts();
@@ -123,8 +127,9 @@ void runTrain(const TrainOptions& options) {
     // mesh. A run of all stages needs nothing of it, and replaces it whatever it is.
     Avatar avatar, finished;
     bool exists = std::filesystem::exists(options.out / "avatar.toml");
-    const bool all = std::ranges::all_of(
-        allStages(), [&](const Stage& stage) { return stage.optional || trains(stage); });
+    const bool all = options.replaces || std::ranges::all_of(allStages(), [&](const Stage& stage) {
+                         return stage.optional || trains(stage);
+                     });
     if ((exists && !all) || (unfinished && !unfinished->done.empty()))
         avatar = readAvatar(options.out);
     else

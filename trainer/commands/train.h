@@ -8,6 +8,7 @@
 
 #include "trainer/avatar/preset.h"
 #include "trainer/commands/common_options.h"
+#include "trainer/stages/prior/people.h"
 
 namespace doppel {
 
@@ -23,9 +24,11 @@ struct TrainOptions {
     Preset preset;
     // Ablations; runTrain applies them to the preset. refine: false takes "refine" out of stages.
     bool refine = true, gan = true, face = true, clamp = true;
-    // Who tells what the frames do not show (readPeople()); "none": nobody; empty: the cast, of four
-    // frames or fewer.
+    // Who tells what the frames do not show (readPeople()); "none": nobody; empty: the cast, of
+    // four frames or fewer.
     std::vector<std::string> prior;
+    // What is in `out` plays no part, as where all stages are trained.
+    bool replaces = false;
     bool resume = false;   // refuse to start a new run
     bool restart = false;  // leave an unfinished run in the avatar's folder, and start over
     double checkpointSeconds = 180;  // 0: only at Ctrl-C
@@ -36,5 +39,9 @@ struct TrainOptions {
 };
 
 void runTrain(const TrainOptions& options);
+
+// Who tells what so many frames do not show. InputError for a prior that readPeople() refuses, and
+// for one that none of the stages asks.
+KnownPeople knownPeople(const TrainOptions& options, size_t frames, const BodyModel& body);
 
 }  // namespace doppel

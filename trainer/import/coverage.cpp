@@ -36,9 +36,8 @@ std::string whatIsNotSeen(const Capture& capture) {
                        : middle > 0             ? "the right side"
                                                 : "the left side";
     return fmt::format(
-        "no frame shows {}: {:.0f} of 360 degrees are missing, and will be made up from what is "
-        "seen; a clip "
-        "in which the person turns once has them all",
+        "no frame shows {}: {:.0f} of 360 degrees lie between one view and the next, and what is "
+        "there will be made up; a clip in which the person turns once shows all",
         side, gap);
 }
 

@@ -229,11 +229,11 @@ std::vector<Garment> segmentGarments(const BodyModel& body, std::span<const glm:
                                      std::span<const double> seen,
                                      std::span<const GarmentShares> expected) {
     constexpr int kRounds = 4, kSweeps = 15;
-    constexpr double kAgree = 1.5;    // nats, of neighbours of one colour
-    constexpr double kRareCost = 18;  // nats, of a garment that hardly a vertex has
-    constexpr size_t kFewest = 20;    // vertices to learn colours from
-    constexpr double kSeenWell = .3;  // enough for that
-    constexpr double kLeastShare = .01;
+    constexpr double kAgree = 1.5;       // nats, of neighbours of one colour
+    constexpr double kRareCost = 18;     // nats, of a garment that hardly a vertex has
+    constexpr size_t kFewest = 20;       // vertices to learn colours from
+    constexpr double kSeenWell = .3;     // enough for that
+    constexpr double kLeastShare = .01;  // of a garment that nobody is known to wear there
     // Who is known says better what may be worn where.
     const double placesCount = expected.empty() ? 1 : .3;
 

@@ -32,7 +32,7 @@ glm::dvec3 colourAt(std::span<const float> texture, int size, const glm::dvec2& 
 std::vector<Garment> segmentGarments(const BodyModel& body, std::span<const float> texture,
                                      int size);
 
-// Of what the garments' shares of a hundred such vertices are, say.
+// How likely each garment is.
 using GarmentShares = std::array<double, kGarmentCount>;
 // The same by colours [V] of vertices that were seen so well, 0 (not at all) to 1, and by what is
 // to be expected of them [V], shares that sum to one; empty: anything. What was not seen wears what

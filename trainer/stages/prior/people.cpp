@@ -47,7 +47,13 @@ std::vector<KnownPerson> readCast(const BodyModel& body, const std::string& wher
     return cast;
 }
 
-bool isAvatar(const fs::path& folder) { return fs::exists(folder / "avatar.toml"); }
+// The avatar's folder that a folder is, or that a person's has in it; empty: neither.
+fs::path avatarIn(const fs::path& folder) {
+    std::error_code ignored;
+    for (const fs::path& each : {folder, folder / "avatar"})
+        if (!folder.empty() && fs::exists(each / "avatar.toml", ignored)) return each;
+    return {};
+}
 
 KnownPerson readPerson(const fs::path& folder, const BodyModel& body, const std::string& where) {
     const Avatar avatar = readAvatar(folder);
@@ -97,20 +103,28 @@ KnownPerson personOf(const Avatar& avatar) {
 }
 
 KnownPeople readPeople(const std::vector<std::string>& from, const BodyModel& body,
-                       const std::string& where) {
+                       const std::string& where, const fs::path& but) {
     KnownPeople known;
     for (const std::string& word : from) {
         if (word == "cast") {
             std::ranges::move(readCast(body, where), std::back_inserter(known.people));
             continue;
         }
-        std::vector<fs::path> folders;
         std::error_code ignored;
-        if (isAvatar(word))
-            folders.emplace_back(word);
-        else if (fs::is_directory(word, ignored))
-            for (const auto& entry : fs::directory_iterator(word))
-                if (isAvatar(entry.path())) folders.push_back(entry.path());
+        auto isWritten = [&](const fs::path& avatar) {
+            return !but.empty() && fs::equivalent(avatar, but, ignored);
+        };
+        std::vector<fs::path> folders;
+        if (const fs::path one = avatarIn(word); !one.empty()) {
+            if (isWritten(one))
+                throwInput("{}: expected another avatar than the one to write, found \"{}\"", where,
+                           word);
+            folders.push_back(one);
+        } else {
+            for (const auto& entry : fs::directory_iterator(word, ignored))
+                if (const fs::path each = avatarIn(entry.path()); !each.empty() && !isWritten(each))
+                    folders.push_back(each);
+        }
         if (folders.empty())
             throwInput(
                 "{}: expected \"cast\", an avatar's folder, or a folder of avatars, found \"{}\"",

@@ -2,6 +2,7 @@
 // far it stands off the skin.
 #pragma once
 
+#include <filesystem>
 #include <glm/glm.hpp>
 #include <string>
 #include <vector>
@@ -24,11 +25,12 @@ struct KnownPeople {
     std::string digest;               // of all that is known of them; empty: of nobody
 };
 
-// Each of `from` is "cast" (fifty synthetic people, assets/body/cast.npz), an avatar's folder, or a
-// folder that holds avatars. InputError, naming `where` and which, for anything else and for
-// people of another body model.
+// Each of `from` is "cast" (fifty synthetic people, assets/body/cast.npz), an avatar's folder, a
+// person's, with avatar/ in it, or a folder that holds such. `but`, an avatar's folder that is
+// being written, is none of those in a folder. InputError, naming `where` and which, for anything
+// else, for `but` itself, and for people of another body model.
 KnownPeople readPeople(const std::vector<std::string>& from, const BodyModel& body,
-                       const std::string& where);
+                       const std::string& where, const std::filesystem::path& but = {});
 
 // [V] Unit normals of the body without anything worn.
 std::vector<glm::dvec3> skinNormals(const BodyModel& body);
