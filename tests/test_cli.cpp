@@ -144,7 +144,10 @@ TEST(CommandLine, FillsOptions) {
     // The paper's preset is the paper's method.
     EXPECT_EQ(run({"train", "c", "--out", "a", "--preset", "paper"}).train.stages,
               (std::vector<std::string>{"fit", "mesh", "texture", "refine"}));
+    EXPECT_EQ(run({"train", "--prior", "cast,people", "c", "--out", "a"}).train.prior,
+              (std::vector<std::string>{"cast", "people"}));
     const TrainOptions plain = run({"train", "c", "--out", "a"}).train;
+    EXPECT_TRUE(plain.prior.empty());
     EXPECT_TRUE(plain.gan && plain.face && plain.clamp);
     const TrainOptions ablation =
         run({"train", "c", "--out", "a", "--no-refine", "--no-gan", "--no-face", "--no-clamp"})

@@ -75,6 +75,7 @@ void CommandFlags::prior(std::vector<std::string>& from) {
                     "avatars, folders of avatars, with commas; or \"none\". Without it the cast, "
                     "of four frames or fewer")
         ->delimiter(',')
+        ->allow_extra_args(false)  // the next word is another's
         ->type_name("WHO");
 }
 
