@@ -231,6 +231,29 @@ TEST_F(Evaluate, WhatNoFrameShowsIsTakenFromTheOtherSide) {
     EXPECT_GT(checked, 50u);
 }
 
+// Fills again, by texels that have changed since.
+TEST_F(Evaluate, WhatNoFrameShowsFollowsWhatIsLearned) {
+    const BodyModel body = bodyFromNpz(readBodyArrays("default"));
+    const Capture side = capture_.subset({{1}});
+    FrameCache frames(side);
+    constexpr int kTexels = 128;
+    const FirstTexels first = backProject(testDevice(), body, side, frames, kTexels, 0);
+    FirstTexels again = first;
+    fillUnseen(body, kTexels, {}, again);
+    EXPECT_EQ(again.texture, first.texture);
+    EXPECT_EQ(again.origin, first.origin);
+    for (size_t i = 0; i < first.origin.size(); ++i)
+        for (size_t c = 0; c < 3; ++c)
+            again.texture[3 * i + c] =
+                first.origin[i] == kFromFrames ? 1 - first.texture[3 * i + c] : .25f;
+    fillUnseen(body, kTexels, {}, again);
+    EXPECT_EQ(again.origin, first.origin);
+    for (size_t i = 0; i < first.texture.size(); ++i) {
+        if (first.origin[i / 3] == kNoTexel) continue;
+        ASSERT_NEAR(again.texture[i], 1 - first.texture[i], 1e-3) << i;
+    }
+}
+
 TEST_F(Evaluate, WithLpips) {
     // Weights of one: any network will do.
     Safetensors file;

@@ -7,6 +7,7 @@
 #include <functional>
 
 #include "engine/error.h"
+#include "nn/body/joint.h"
 #include "tests/files.h"
 #include "trainer/avatar/avatar.h"
 #include "trainer/avatar/bake.h"
@@ -135,6 +136,39 @@ TEST(KnownPeople, HairIsWhatIsNoFacesColour) {
         EXPECT_LT(glm::distance(look.colours[v], hair), .1) << v;
     }
     EXPECT_GT(behind, 20u);
+}
+
+// Long hair seen from before: bands on both sides of the face, from the crown to the chin. Nobody
+// of the cast wears hair there; what lies behind it is hair all the same, and the face is not.
+TEST(KnownPeople, WhatHairHidesIsHair) {
+    const glm::dvec3 skin(.85, .66, .55), hair(.13, .08, .06), shirt(.7, .7, .72);
+    const std::vector<float>& places = body().templateVertices;
+    const std::vector<double> trust = trustFrom(1);
+    float top = 0;
+    for (size_t v = 0; v < trust.size(); ++v) top = std::max(top, places[3 * v + 1]);
+    auto isHead = [&](size_t v) { return body().weights[v * joint::kCount + joint::kHead] > .9f; };
+    std::vector<glm::dvec3> seen(trust.size(), shirt);
+    for (size_t v = 0; v < seen.size(); ++v)
+        if (isHead(v))
+            seen[v] =
+                places[3 * v + 1] > top - .06f || std::abs(places[3 * v]) > .035f ? hair : skin;
+    const ExpectedLook look = expectedLook(cast(), body(), seen, trust);
+    size_t behind = 0, haired = 0, faces = 0, skinned = 0;
+    for (size_t v = 0; v < seen.size(); ++v) {
+        if (!isHead(v)) continue;
+        const float x = std::abs(places[3 * v]), y = places[3 * v + 1];
+        if (trust[v] == 0 && x > .045f && y > top - .16f) {
+            ++behind;
+            haired += look.garments[v] == Garment::Hair;
+        } else if (trust[v] > .3 && x < .03f && y < top - .07f) {
+            ++faces;
+            skinned += look.garments[v] == Garment::Skin;
+        }
+    }
+    ASSERT_GT(behind, 50u);
+    ASSERT_GT(faces, 50u);
+    EXPECT_GT(double(haired), .95 * double(behind)) << haired << " of " << behind;
+    EXPECT_GT(double(skinned), .95 * double(faces)) << skinned << " of " << faces;
 }
 
 TEST(KnownPeople, AreAvatarsToo) {

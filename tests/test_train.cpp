@@ -5,13 +5,16 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 
+#include <array>
 #include <fstream>
 #include <numeric>
+#include <set>
 
 #include "engine/io/image.h"
 #include "tests/files.h"
 #include "tests/op_test.h"
 #include "tests/tiny_training.h"
+#include "trainer/avatar/bake.h"
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/avatar/training_poses.h"
 #include "trainer/commands/train.h"
@@ -213,6 +216,21 @@ TEST(Train, KnownPeopleTellWhatOnePictureDoesNotShow) {
     };
     EXPECT_LT(lightOf(told, true), .8 * lightOf(told, false));
     EXPECT_LT(lightOf(told, true), lightOf(alone, true) - .1);
+
+    // What her picture does not show is filled with what was learned of it, not with how it began.
+    std::set<std::array<float, 3>> learned;
+    size_t filled = 0, found = 0;
+    for (const bool count : {false, true})
+        for (size_t i = 0; i < alone.texelsSeen.size(); ++i) {
+            const float* rgb = &alone.texels[3 * i];
+            const std::array<float, 3> colour{rgb[0], rgb[1], rgb[2]};
+            if (!count && alone.texelsSeen[i] == kFromFrames) learned.insert(colour);
+            if (!count || alone.texelsSeen[i] != kFromOtherSide) continue;
+            ++filled;
+            found += learned.contains(colour);
+        }
+    EXPECT_GT(filled, 50u);
+    EXPECT_GT(double(found), .9 * double(filled));
 
     // A hundred looks at a picture are enough.
     const std::string losses = test::bytesOf(settings.out / "log" / "losses_shape.csv");

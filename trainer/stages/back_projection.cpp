@@ -10,6 +10,7 @@
 
 #include "nn/ops/raster.h"
 #include "trainer/avatar/background.h"
+#include "trainer/avatar/mix/lab.h"
 #include "trainer/data/body_render.h"
 #include "trainer/data/progress.h"
 #include "trainer/stages/colours/unseen_colours.h"
@@ -150,47 +151,94 @@ std::vector<int64_t> mirrorImages(const BodyModel& body, const std::vector<Texel
     return mirrored;
 }
 
-// Texels that are not known from those that are, along the body's surface; `trust` [size,size] says
-// how well these were seen. Those for which none is left stay unknown. `people` tell as well.
-void takeFromNeighbours(const BodyModel& body, const std::vector<TexelPlace>& places,
-                        const std::vector<double>& trust, const KnownPeople& people,
-                        FirstTexels& first, std::vector<uint8_t>& known) {
+// What the known texels show at the body's vertices.
+struct SeenVertices {
+    std::vector<glm::dvec3> colours;  // [V]
+    std::vector<double> trust;        // [V] 0 to 1
+};
+
+// trust [size,size]: how well the known ones were seen.
+SeenVertices atVertices(const BodyModel& body, const std::vector<TexelPlace>& places,
+                        std::span<const float> texture, const std::vector<uint8_t>& known,
+                        const std::vector<double>& trust) {
     const auto vertices = static_cast<size_t>(body.vertexCount);
-    std::vector<glm::dvec3> colours(vertices);
-    std::vector<double> trusted(vertices), shares(vertices);
-    auto atCorners = [&](size_t texel, const auto& visit) {
-        for (size_t k = 0; k < 3; ++k)
-            visit(static_cast<size_t>(body.faces[3 * static_cast<size_t>(places[texel].face) + k]),
-                  double{places[texel].corners[k]});
-    };
+    SeenVertices seen{std::vector<glm::dvec3>(vertices), std::vector<double>(vertices)};
+    std::vector<double> shares(vertices);
     for (size_t i = 0; i < places.size(); ++i) {
         if (!known[i] || places[i].face < 0) continue;
-        const float* rgb = &first.texture[3 * i];
-        const double seen = std::min(1.0, trust[i]);
-        atCorners(i, [&](size_t v, double share) {
-            colours[v] += share * seen * glm::dvec3(rgb[0], rgb[1], rgb[2]);
-            trusted[v] += share * seen;
+        const float* rgb = &texture[3 * i];
+        const double trusted = std::min(1.0, trust[i]);
+        for (size_t k = 0; k < 3; ++k) {
+            const auto v =
+                static_cast<size_t>(body.faces[3 * static_cast<size_t>(places[i].face) + k]);
+            const auto share = double{places[i].corners[k]};
+            seen.colours[v] += share * trusted * glm::dvec3(rgb[0], rgb[1], rgb[2]);
+            seen.trust[v] += share * trusted;
             shares[v] += share;
-        });
+        }
     }
     for (size_t v = 0; v < vertices; ++v) {
-        if (trusted[v] > 0) colours[v] /= trusted[v];
-        if (shares[v] > 0) trusted[v] /= shares[v];
+        if (seen.trust[v] > 0) seen.colours[v] /= seen.trust[v];
+        if (shares[v] > 0) seen.trust[v] /= shares[v];
     }
-    std::optional<ExpectedLook> look;
-    if (!people.people.empty()) {
-        look = expectedLook(people, body, colours, trusted);
-        first.heights = look->heights;
+    return seen;
+}
+
+// Takes back mirror images of another garment than is to be expected where they would be: a head
+// that is turned by a few degrees less than it seems has the edge of its face there. Where garments
+// meet, colours tell.
+void dropOtherGarments(const BodyModel& body, const std::vector<TexelPlace>& places,
+                       std::span<const float> texture, const ExpectedLook& look,
+                       std::vector<int64_t>& mirrored) {
+    constexpr double kUnlike = 20;  // of L*a*b*
+    struct Worn {
+        Garment nearest;  // corner's
+        bool all;         // corners wear it
+    };
+    auto wornAt = [&](size_t texel) {
+        const TexelPlace& place = places[texel];
+        const int32_t* face = &body.faces[3 * static_cast<size_t>(place.face)];
+        const auto nearest = std::ranges::max_element(place.corners) - place.corners.begin();
+        auto at = [&](ptrdiff_t k) { return look.garments[static_cast<size_t>(face[k])]; };
+        return Worn{at(nearest), at(0) == at(1) && at(0) == at(2)};
+    };
+    auto isUnlike = [&](size_t texel, size_t image) {
+        glm::dvec3 expected(0);
+        for (size_t k = 0; k < 3; ++k)
+            expected += double{places[texel].corners[k]} *
+                        look.colours[static_cast<size_t>(
+                            body.faces[3 * static_cast<size_t>(places[texel].face) + k])];
+        const float* rgb = &texture[3 * image];
+        return glm::distance(labOf({rgb[0], rgb[1], rgb[2]}), labOf(expected)) > kUnlike;
+    };
+    for (size_t i = 0; i < mirrored.size(); ++i) {
+        if (mirrored[i] < 0) continue;
+        const auto image = static_cast<size_t>(mirrored[i]);
+        const Worn here = wornAt(i), there = wornAt(image);
+        if (here.nearest != there.nearest || (!(here.all && there.all) && isUnlike(i, image)))
+            mirrored[i] = -1;
     }
-    const UnseenColours unseen = unseenColours(body, colours, trusted, look ? &*look : nullptr);
+}
+
+// Texels that are not known from those that are, along the body's surface; `trust` [size,size] says
+// how well these were seen. Those for which none is left stay unknown. What is expected tells as
+// well.
+void takeFromNeighbours(const BodyModel& body, const std::vector<TexelPlace>& places,
+                        const std::vector<double>& trust, const std::optional<ExpectedLook>& look,
+                        FirstTexels& first, std::vector<uint8_t>& known) {
+    const SeenVertices seen = atVertices(body, places, first.texture, known, trust);
+    const UnseenColours unseen =
+        unseenColours(body, seen.colours, seen.trust, look ? &*look : nullptr);
     for (size_t i = 0; i < places.size(); ++i) {
         if (known[i] || places[i].face < 0) continue;
         glm::dvec3 sum(0);
         bool reached = true;
-        atCorners(i, [&](size_t v, double share) {
-            sum += share * unseen.colours[v];
+        for (size_t k = 0; k < 3; ++k) {
+            const auto v =
+                static_cast<size_t>(body.faces[3 * static_cast<size_t>(places[i].face) + k]);
+            sum += double{places[i].corners[k]} * unseen.colours[v];
             reached = reached && unseen.reached[v];
-        });
+        }
         if (!reached) continue;
         known[i] = 1;
         // Linear elements may overshoot what was seen.
@@ -276,31 +324,47 @@ FirstTexels backProject(Device& device, const BodyModel& body, const Capture& ca
     stopIfInterrupted(ranks);
     sumOverRanks(ranks, sums);
     sumOverRanks(ranks, totals);
-    FirstTexels first{std::vector<float>(sums.size()), std::vector<uint8_t>(totals.size()), {}};
-    std::vector<uint8_t> known(totals.size());
-    for (size_t i = 0; i < totals.size(); ++i) {
-        if (!(totals[i] > 1e-12)) continue;
-        known[i] = 1;
-        first.origin[i] = kFromFrames;
+    FirstTexels first{std::vector<float>(sums.size()),
+                      std::vector<uint8_t>(totals.size()),
+                      std::move(totals),
+                      {}};
+    for (size_t i = 0; i < places.size(); ++i) {
+        if (places[i].face < 0) continue;
+        first.origin[i] = first.trust[i] > 1e-12 ? kFromFrames : kFromNeighbours;
+        if (first.origin[i] != kFromFrames) continue;
         for (size_t c = 0; c < 3; ++c)
-            first.texture[3 * i + c] = static_cast<float>(sums[3 * i + c] / totals[i]);
+            first.texture[3 * i + c] = static_cast<float>(sums[3 * i + c] / first.trust[i]);
     }
-    const std::vector<int64_t> mirrored = mirrorImages(body, places, known);
+    fillUnseen(body, size, people, first);
+    return first;
+}
+
+void fillUnseen(const BodyModel& body, int size, const KnownPeople& people, FirstTexels& first) {
+    const std::vector<TexelPlace> places = texelPlaces(body, size);
+    std::vector<double> trust = first.trust;
+    std::vector<uint8_t> known(places.size());
+    for (size_t i = 0; i < places.size(); ++i) known[i] = first.origin[i] == kFromFrames;
+    std::vector<int64_t> mirrored = mirrorImages(body, places, known);
+    std::optional<ExpectedLook> look;
+    if (!people.people.empty()) {
+        const SeenVertices seen = atVertices(body, places, first.texture, known, trust);
+        look = expectedLook(people, body, seen.colours, seen.trust);
+        first.heights = look->heights;
+        dropOtherGarments(body, places, first.texture, *look, mirrored);
+    }
     for (size_t i = 0; i < places.size(); ++i) {
         if (known[i] || places[i].face < 0) continue;
-        first.origin[i] = kFromNeighbours;
-        if (mirrored[i] < 0) continue;
-        first.origin[i] = kFromOtherSide;
-        std::copy_n(&first.texture[3 * static_cast<size_t>(mirrored[i])], 3, &first.texture[3 * i]);
+        first.origin[i] = mirrored[i] < 0 ? kFromNeighbours : kFromOtherSide;
     }
     for (size_t i = 0; i < places.size(); ++i) {
         if (first.origin[i] != kFromOtherSide) continue;
+        const auto other = static_cast<size_t>(mirrored[i]);
+        std::copy_n(&first.texture[3 * other], 3, &first.texture[3 * i]);
         known[i] = 1;
-        totals[i] = totals[static_cast<size_t>(mirrored[i])];
+        trust[i] = trust[other];
     }
-    takeFromNeighbours(body, places, totals, people, first, known);
+    takeFromNeighbours(body, places, trust, look, first, known);
     fillHoles(first.texture, known, static_cast<size_t>(size), static_cast<size_t>(size));
-    return first;
 }
 
 }  // namespace doppel

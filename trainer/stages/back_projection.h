@@ -17,6 +17,7 @@ namespace doppel {
 struct FirstTexels {
     std::vector<float> texture;   // [size,size,3] in [0,1]
     std::vector<uint8_t> origin;  // [size,size] TexelOrigin
+    std::vector<double> trust;    // [size,size] how well frames see a texel: weights, summed
     std::vector<float> heights;   // [V] m, of what is worn, as known people tell; empty without
     // The parts of the atlas's texels that have this origin, 0 to 1.
     double part(TexelOrigin from) const;
@@ -34,5 +35,9 @@ struct FirstTexels {
 FirstTexels backProject(Device& device, const BodyModel& body, const Capture& capture,
                         FrameCache& frames, int size, int rim, Ranks* ranks = nullptr,
                         const KnownPeople& known = {});
+
+// Gives texels that no frame sees what those tell that frames do see, in the place of what they
+// have: for texels that were trained since.
+void fillUnseen(const BodyModel& body, int size, const KnownPeople& known, FirstTexels& first);
 
 }  // namespace doppel

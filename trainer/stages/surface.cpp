@@ -354,6 +354,13 @@ void trainTexels(Device& device, TrainResult& result, const TrainSettings& setti
         writeState(device, now, result.capture, cache, settings.out);
     };
     if (auto trained = runSurface(device, avatar.body, result.capture, run)) {
+        // What no frame shows was filled before surface and poses had settled.
+        setOffsets(avatar, trained->offsets);
+        first = backProject(device, avatar.body, result.capture, cache, size,
+                            avatar.preset.texels.rim, settings.ranks, settings.known);
+        std::swap(first.texture, trained->texels);
+        fillUnseen(avatar.body, size, settings.known, first);
+        std::swap(first.texture, trained->texels);
         if (avatar.preset.texels.cleanHands) cleanHands(avatar.body, size, trained->texels);
         // As eight bits keep them, so that a run that is stopped after this stage and one that is
         // not go on from the same.

@@ -150,6 +150,31 @@ std::vector<std::optional<Garment>> sureOf(std::span<const GarmentShares> expect
     return sure;
 }
 
+// Hair may hang over a face: sure skin that has rather the colour of sure hair is not sure.
+void doubtHairOnSkin(std::span<const glm::dvec3> colours, std::span<const double> seen,
+                     std::vector<std::optional<Garment>>& sure) {
+    constexpr double kSeenWell = .05, kApart = 14;  // of L*a*b*
+    auto medianOf = [&](Garment garment) -> std::optional<glm::dvec3> {
+        glm::dvec3 median;
+        for (int c = 0; c < 3; ++c) {
+            std::vector<double> values;
+            for (size_t v = 0; v < sure.size(); ++v)
+                if (sure[v] == garment && seen[v] >= kSeenWell) values.push_back(colours[v][c]);
+            if (values.empty()) return std::nullopt;
+            const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
+            std::ranges::nth_element(values, middle);
+            median[c] = *middle;
+        }
+        return median;
+    };
+    const auto skin = medianOf(Garment::Skin), hair = medianOf(Garment::Hair);
+    if (!skin || !hair || glm::distance(*skin, *hair) < kApart) return;
+    for (size_t v = 0; v < sure.size(); ++v)
+        if (sure[v] == Garment::Skin && seen[v] >= kSeenWell &&
+            glm::distance(colours[v], *hair) < glm::distance(colours[v], *skin))
+            sure[v].reset();
+}
+
 // A print has colours of hair, a fold those of trousers: an island of a garment that no sure vertex
 // has takes the garment that it borders on most. Of skin, which shows at knees and between clothes,
 // only small ones.
@@ -273,8 +298,9 @@ std::vector<Garment> segmentGarments(const BodyModel& body, std::span<const glm:
         agree[e] = kAgree * std::lerp(1., same, both(e));
     }
 
-    const std::vector<std::optional<Garment>> sure =
+    std::vector<std::optional<Garment>> sure =
         expected.empty() ? sureGarments(body) : sureOf(expected);
+    if (!expected.empty()) doubtHairOnSkin(colours, seen, sure);
     std::vector<std::optional<Garment>> labels = sure;
     for (int round = 0; round < kRounds; ++round) {
         std::vector<Costs> costs = places;

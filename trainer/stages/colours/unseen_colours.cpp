@@ -3,10 +3,12 @@
 #include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "engine/error.h"
 #include "nn/body/joint.h"
 #include "nn/body/mesh_topology.h"
+#include "trainer/avatar/mix/lab.h"
 
 namespace doppel {
 
@@ -19,6 +21,9 @@ constexpr double kLeastArea = 1e-10;  // m2, twice
 constexpr double kKeeps = 100;
 // Between garments, of what is within one; and how far colours reach, m, where a look is expected.
 constexpr double kAcross = 1e-3, kReach = .1;
+// Of L*a*b*: what differs by more from what is expected is a print, a shadow, or not of its
+// garment.
+constexpr double kUnlike = 30;
 
 // [24] Of each joint the direction of its bone, times itself: how much another is along it. Of the
 // limbs it is the bone that begins there, or where none does the one that ends there. Trunk and
@@ -77,10 +82,16 @@ UnseenColours unseenColours(const BodyModel& body, std::span<const glm::dvec3> s
         const float* x = &body.templateVertices[3 * v];
         return glm::dvec3(x[0], x[1], x[2]);
     };
+    std::vector<double> keeps;  // how much a vertex's colour counts
+    for (size_t v = 0; v < vertices; ++v) {
+        double unlike = 0;
+        if (look && trust[v] > 0)
+            unlike = glm::distance(labOf(seen[v]), labOf(look->colours[v])) / kUnlike;
+        keeps.push_back(result.reached[v] ? kKeeps * trust[v] * std::exp(-unlike * unlike / 2) : 1);
+    }
     // Lower half of the matrix.
     std::vector<Eigen::Triplet<double>> entries;
-    for (size_t v = 0; v < vertices; ++v)
-        entries.emplace_back(int(v), int(v), result.reached[v] ? kKeeps * trust[v] : 1);
+    for (size_t v = 0; v < vertices; ++v) entries.emplace_back(int(v), int(v), keeps[v]);
     // Edges hold together what faces without an area do not.
     for (size_t e = 0; e < mesh.edges.size() / 2; ++e) {
         const int a = mesh.edges[2 * e], b = mesh.edges[2 * e + 1];
@@ -131,8 +142,8 @@ UnseenColours unseenColours(const BodyModel& body, std::span<const glm::dvec3> s
     Eigen::MatrixX3d wanted(rows, 3);
     for (size_t v = 0; v < vertices; ++v)
         for (int c = 0; c < 3; ++c)
-            wanted(int(v), c) = (result.reached[v] ? kKeeps * trust[v] : 1) * seen[v][c] +
-                                (look ? expects[v] * look->colours[v][c] : 0);
+            wanted(int(v), c) =
+                keeps[v] * seen[v][c] + (look ? expects[v] * look->colours[v][c] : 0);
     const Eigen::MatrixX3d colours = solver.solve(wanted);
     for (size_t v = 0; v < vertices; ++v)
         for (int c = 0; c < 3; ++c) result.colours[v][c] = colours(int(v), c);

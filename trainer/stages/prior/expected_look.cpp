@@ -46,6 +46,9 @@ constexpr double kDiffers = .01;
 // What all of them together count still, for nobody wears just the same.
 constexpr double kStrangers = .2;
 
+// How much hair is to be expected over a face: of the known nobody's hangs there.
+constexpr double kOverFace = .5;
+
 // [people] Of each region how much each counts, summing to one.
 std::vector<Regions> alike(const KnownPeople& known, const std::vector<Regions>& regions,
                            const std::vector<Garment>& garments, std::span<const double> seen) {
@@ -160,6 +163,36 @@ std::vector<glm::dvec3> skinOver(const KnownPeople& known, const std::vector<Gar
     return over;
 }
 
+// [V of the model] Whether hair hides a vertex of the head: some is seen to hang over the side of
+// the face before it, at its height. It does not end right behind temple and cheek.
+std::vector<char> behindHair(const BodyModel& body, const std::vector<Garment>& garments,
+                             std::span<const double> seen, const std::vector<Regions>& regions) {
+    constexpr double kSeenWell = .1, kOfHead = .5;
+    constexpr double kHeight = .015, kBefore = .005, kMiddle = .03;  // m
+    auto placeOf = [&](size_t v) {
+        const float* x = &body.templateVertices[3 * v];
+        return glm::dvec3(x[0], x[1], x[2]);
+    };
+    std::vector<size_t> head;
+    for (size_t v = 0; v < regions.size(); ++v)
+        if (regions[v][kRegionOf[joint::kHead]] > kOfHead) head.push_back(v);
+    std::vector<glm::dvec3> hair;
+    for (size_t v : head)
+        if (body.face[v] && garments[v] == Garment::Hair && seen[v] >= kSeenWell &&
+            std::abs(placeOf(v).x) > kMiddle)
+            hair.push_back(placeOf(v));
+    std::vector<char> behind(regions.size());
+    for (size_t v : head) {
+        if (seen[v] >= kSeenWell) continue;
+        const glm::dvec3 place = placeOf(v);
+        behind[v] = std::ranges::any_of(hair, [&](const glm::dvec3& strand) {
+            return std::abs(strand.y - place.y) < kHeight && strand.z > place.z + kBefore &&
+                   (strand.x * place.x > 0 || std::abs(place.x) < kMiddle);
+        });
+    }
+    return behind;
+}
+
 // Heights step where garments end, and cloth does not.
 void smoothHeights(const BodyModel& body, std::vector<float>& heights) {
     constexpr int kPasses = 5;
@@ -198,24 +231,35 @@ ExpectedLook expectedLook(const KnownPeople& known, const BodyModel& body,
         for (size_t r = 0; r < kRegions; ++r) sum += counts[person][r] * regions[v][r];
         return sum;
     };
-    // First all tell as much, then those who wear the same.
-    for (const bool last : {false, true}) {
+    // What is to be expected, where some of it is behind hair.
+    auto expectedWith = [&](const std::vector<char>& haired) {
         std::vector<GarmentShares> expected(vertices);
         for (size_t v = 0; v < vertices; ++v) {
-            if (v >= model)
+            double& hair = expected[v][number(Garment::Hair)];
+            if (v >= model) {
                 expected[v].fill(1. / kGarmentCount);
-            else
+            } else if (haired[v]) {
+                hair = 1;
+            } else {
                 for (size_t p = 0; p < counts.size(); ++p)
                     expected[v][number(known.people[p].garments[v])] += countAt(p, v);
+                if (body.face[v]) hair = std::max(hair, kOverFace);
+            }
         }
-        look.garments = segmentGarments(body, colours, seen, expected);
-        if (last) break;
-        for (Regions& each : counts)
-            for (double& count : each) count *= kStrangers;
-        const std::vector<Regions> likely = alike(known, regions, look.garments, seen);
-        for (size_t p = 0; p < counts.size(); ++p)
-            for (size_t r = 0; r < kRegions; ++r) counts[p][r] += (1 - kStrangers) * likely[p][r];
-    }
+        return expected;
+    };
+    // First all tell as much, then those who wear the same; what hair hides, once it is found, is
+    // hair.
+    const std::vector<char> none(model);
+    look.garments = segmentGarments(body, colours, seen, expectedWith(none));
+    const std::vector<Regions> likely = alike(known, regions, look.garments, seen);
+    for (size_t p = 0; p < counts.size(); ++p)
+        for (size_t r = 0; r < kRegions; ++r)
+            counts[p][r] = kStrangers * counts[p][r] + (1 - kStrangers) * likely[p][r];
+    look.garments = segmentGarments(body, colours, seen, expectedWith(none));
+    const std::vector<char> haired = behindHair(body, look.garments, seen, regions);
+    if (std::ranges::count(haired, 1) > 0)
+        look.garments = segmentGarments(body, colours, seen, expectedWith(haired));
 
     const std::array<glm::dvec3, kGarmentCount> tones =
         tonesOf(known, body, look.garments, colours, seen);
