@@ -404,6 +404,17 @@ std::string imageSoftware(const fs::path& path) {
     }
 }
 
+double imageFocalLength(const fs::path& path) {
+    const std::string name = path.string();
+    const Format& format = formatOf(readFileHead(path, 16), name);
+    return plausibleFocalLength(pictureCodecs().open(format.plugin, name, {})->focalLength);
+}
+
+double plausibleFocalLength(double mm) {
+    constexpr double kShortest = 8, kLongest = 400;
+    return mm >= kShortest && mm <= kLongest ? mm : 0;
+}
+
 std::vector<uint8_t> encodePng(const Image& image, const std::string& software) {
     return encode(image, "png", "picture.png", software);
 }

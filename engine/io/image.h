@@ -74,6 +74,11 @@ std::vector<uint8_t> encodePng(const Image& image, const std::string& software =
 // That text of any picture. Empty where it says nothing, or the file is no picture.
 std::string imageSoftware(const std::filesystem::path& path);
 
+// EXIF's focal length in 35 mm film, mm; 0 where a picture does not say.
+double imageFocalLength(const std::filesystem::path& path);
+// The same length, or 0 where no lens of a camera has it.
+double plausibleFocalLength(double mm);
+
 // Area average where an axis shrinks, bilinear where it grows, on the encoded values.
 Image resize(const Image& image, int width, int height);
 

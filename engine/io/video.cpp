@@ -8,6 +8,7 @@ extern "C" {
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
 #include <optional>
 #include <string>
@@ -331,6 +332,14 @@ double VideoReader::duration() const {
     if (stream.duration > 0) return static_cast<double>(stream.duration) * av_q2d(stream.time_base);
     const int64_t whole = parts_->format->duration;
     return whole > 0 ? static_cast<double>(whole) / AV_TIME_BASE : 0;
+}
+
+double VideoReader::focalLength() const {
+    constexpr const char* kKey = "com.apple.quicktime.camera.focal_length.35mm_equivalent";
+    for (const AVDictionary* told : {parts_->stream->metadata, parts_->format->metadata})
+        if (const AVDictionaryEntry* entry = av_dict_get(told, kKey, nullptr, 0))
+            return plausibleFocalLength(std::strtod(entry->value, nullptr));
+    return 0;
 }
 
 int VideoReader::rotation() const { return parts_->rotation; }

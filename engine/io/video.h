@@ -82,6 +82,9 @@ public:
     // the white of paper (BT.2408), is white, and what is near it or brighter is compressed. Empty:
     // not.
     const char* highRange() const;
+    // Of the lens, mm, as of one that sees as much on 35 mm film, which phones write into QuickTime
+    // files; 0 where the file does not say.
+    double focalLength() const;
     int rotation() const;  // by how many degrees clockwise frames are turned: 0, 90, 180 or 270
 
     // The next frame, 3 channels, in `frame`; false at the end.

@@ -10,7 +10,6 @@
 #include "trainer/commands/train.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"
-#include "trainer/import/coverage.h"
 #include "trainer/stages/train.h"
 
 namespace doppel {
@@ -40,12 +39,12 @@ std::string requestOf(const ImportOptions& options) {
     return fmt::format(
         "source = {}\nbytes = {}\nkey = {}\nfps = {}\nframes = {}\nfrom = {}\nto = {}\nevery = {}\n"
         "rows = {}\nkeep_similar = {}\npose = {}\nperson = {}\nfov = {}\nheight = {}\nbody = {}\n"
-        "plate = {}\nmatting = {}\nmatting_kind = {}\nposes = {}\n",
+        "plate = {}\nmatting = {}\nmatting_kind = {}\nposes = {}\n{}",
         place(r.source),
         fs::is_regular_file(r.source, ignored) ? fs::file_size(r.source, ignored) : 0, r.key, r.fps,
         r.frames, clip.from, clip.to, clip.every, clip.rows, clip.keepSimilar, options.net,
         r.person, r.fov, r.height, options.body, place(r.plate), place(r.matting), r.mattingKind,
-        place(r.poses));
+        place(r.poses), r.masks.empty() ? "" : fmt::format("masks = {}\n", place(r.masks)));
 }
 
 std::string contentOf(const fs::path& path) {
@@ -112,11 +111,9 @@ void runAvatar(const AvatarOptions& options) {
     claimFiles(options.out, "person", {"capture", "avatar", "request.txt"});
     const FolderLock lock(options.out);
     bringCaptureIn(options);
-    const Capture capture = readCapture(options.out / "capture");
-    const std::string lacking = whatIsNotSeen(capture);
-    if (!lacking.empty()) fmt::print(stderr, "{}\n", lacking);
     // Networks learn what changes from frame to frame, and of a few pictures the pictures.
-    if (capture.size() <= kFewPictures && std::ranges::count(train.stages, "texels") > 0)
+    if (readCapture(options.out / "capture").size() <= kFewPictures &&
+        std::ranges::count(train.stages, "texels") > 0)
         std::erase_if(train.stages, [](const std::string& stage) {
             return stage == "mesh" || stage == "texture" || stage == "refine";
         });

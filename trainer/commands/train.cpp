@@ -15,6 +15,7 @@
 #include "trainer/data/frame_selection.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"
+#include "trainer/import/coverage.h"
 #include "trainer/ranks/launched.h"
 #include "trainer/stages/telling_frames.h"
 #include "trainer/stages/train.h"
@@ -111,6 +112,12 @@ void runTrain(const TrainOptions& options) {
         capture = capture.subset(tellingFrames(capture, cache, options.mostFrames, ranks));
         capture.source["chosen"] = "for their poses";  // so that they are no video
     }
+
+    const bool paints = std::ranges::any_of(options.stages, [](const std::string& stage) {
+        return stage == "texels" || stage == "texture";
+    });
+    if (const std::string lacking = whatIsNotSeen(capture); paints && !lacking.empty())
+        fmt::print(stderr, "{}\n", lacking);
 
     std::optional<RunRecord> unfinished;
     if (!options.restart && options.profileSteps == 0) unfinished = readRunRecord(options.out);

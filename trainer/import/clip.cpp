@@ -150,6 +150,11 @@ double Clip::duration() const { return source_->video ? source_->video->duration
 
 const char* Clip::highRange() const { return source_->video ? source_->video->highRange() : ""; }
 
+double Clip::focalLength() const {
+    if (source_->video) return source_->video->focalLength();
+    return source_->pictures.empty() ? 0 : imageFocalLength(source_->pictures[0]);
+}
+
 int64_t Clip::expected() const {
     return source_->video ? source_->video->frameCount() : int64_t(source_->pictures.size());
 }
@@ -224,8 +229,10 @@ double keptRate(const std::vector<ClipFrame>& frames, double otherwise) {
 
 std::string leftOut(const std::vector<ClipFrame>& frames) {
     std::vector<std::string> parts;
-    for (const auto& [fate, what] :
-         {std::pair{Fate::Duplicate, "duplicates"}, {Fate::Blurred, "blurred"}}) {
+    for (const auto& [fate, what] : {std::pair{Fate::Duplicate, "duplicates"},
+                                     {Fate::Blurred, "blurred"},
+                                     {Fate::Nobody, "without the person"},
+                                     {Fate::Doubtful, "with a doubtful mask"}}) {
         const auto count = std::ranges::count_if(
             frames, [&, f = fate](const ClipFrame& c) { return c.fate == f; });
         if (count > 0) parts.push_back(fmt::format("{} {}", count, what));

@@ -35,6 +35,7 @@ public:
     const std::string& damage() const;  // why it ended before its end; empty: it did not
     double duration() const;            // seconds, as a video says; 0: not known
     const char* highRange() const;      // see VideoReader; empty of pictures
+    double focalLength() const;         // see VideoReader and imageFocalLength
     int64_t expected() const;           // pictures, as far as is known; −1: not known
 
 private:
@@ -47,6 +48,8 @@ enum class Fate : uint8_t {
     Outside,    // of the times, the frames or the steps that were asked for
     Duplicate,  // shows what the last kept one shows
     Blurred,    // far less sharp than those about it
+    Nobody,     // does not show the person
+    Doubtful,   // shows somebody whom mask and landmarks do not agree on
 };
 
 struct ClipFrame {
@@ -62,7 +65,8 @@ std::vector<ClipFrame> surveyClip(const std::filesystem::path& source, const Cli
 // motion faster. `otherwise`, where there is only one.
 double keptRate(const std::vector<ClipFrame>& frames, double otherwise);
 
-// "12 duplicates, 3 blurred"; empty where nothing was left out but what was not asked for.
+// "12 duplicates, 3 blurred, 2 without the person"; empty where nothing was left out but what was
+// not asked for.
 std::string leftOut(const std::vector<ClipFrame>& frames);
 // "at 2.60 s of 4.00 s"; empty where the clip is as long as its file says.
 std::string endsEarly(const std::vector<ClipFrame>& frames, double duration);

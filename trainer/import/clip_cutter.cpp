@@ -73,6 +73,10 @@ void ClipCutter::finish(std::span<const Sample> samples) {
     if (!screen_.empty()) key_ = std::make_unique<PersonKey>(pictures, people, "the clip");
 }
 
+double agreement(const std::vector<uint8_t>& mask, const std::vector<float>& share) {
+    return intersectionOverUnion(mask, surely(share));
+}
+
 FrameCut ClipCutter::cut(const Image& rgb, const std::vector<float>& share, double side) const {
     const std::vector<uint8_t> network = surely(share);
     CutOut byColours = masks_.cutOut(rgb, share, side);

@@ -21,6 +21,9 @@ struct FrameCut {
     double network = 0;         // IoU with the network's own mask
 };
 
+// IoU of a mask with a network's share of the person.
+double agreement(const std::vector<uint8_t>& mask, const std::vector<float>& share);
+
 class ClipCutter {
 public:
     // InputError where the plate is no picture. Empty: there is none.

@@ -7,9 +7,8 @@
 
 namespace doppel {
 
-// A sentence that says from which sides no frame shows the person, and what to do: sides are told
-// by the heading of the pelvis, for the poses as they are. Empty where there is no gap of more than
-// a third of a turn.
+// A sentence that says which of front, back and sides no frame shows, and what to do. They are told
+// by the heading of the pelvis, for the poses as they are; empty where all are seen.
 std::string whatIsNotSeen(const Capture& capture);
 
 }  // namespace doppel

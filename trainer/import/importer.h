@@ -25,11 +25,13 @@ struct ImportRequest {
     ClipOptions clip;  // frames and fps are those above
     PoseNet net = PoseNet::Heavy;
     int person = 0;                 // see PersonTracker
-    double fov = 0;                 // degrees that the longer side sees; 0: kGuessedAngle
+    double fov = 0;                 // degrees that the longer side sees; 0: as its file says, else
+                                    // kGuessedAngle
     double height = 0;              // of the person, metres; 0: not known
     std::filesystem::path plate;    // a picture of the empty scene; empty: none
     std::filesystem::path matting;  // an ONNX file, see MattingNetwork; empty: none
     std::string mattingKind = "modnet";
+    std::filesystem::path masks;      // of all its pictures, see GivenMasks; empty: none
     Device* device = nullptr;         // that networks run on
     const BodyModel* body = nullptr;  // that is posed
     std::filesystem::path workspace;  // where frames (images/) and masks (masks/) go

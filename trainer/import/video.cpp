@@ -10,6 +10,7 @@
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"
 #include "trainer/import/clip_cutter.h"
+#include "trainer/import/given_masks.h"
 #include "trainer/import/importer.h"
 #include "trainer/import/overlay.h"
 #include "trainer/import/quality.h"
@@ -93,9 +94,9 @@ void takeShare(const fs::path& file, PersonLandmarks& person) {
 
 constexpr size_t kSamples = 12;  // frames in which a screen is looked for
 
-// Masks of all frames, by what the whole clip has shown.
-void cutAll(const Capture& capture, Found& found, const fs::path& shares, ClipCutter& cutter,
-            ClipQuality& quality) {
+// Masks of all frames: those that are there already, or by what the whole clip has shown.
+void cutAll(const Capture& capture, Found& found, const fs::path& shares, bool given,
+            ClipCutter& cutter, ClipQuality& quality) {
     const auto load = [&](size_t f) {
         takeShare(shares / (capture.frames[f].name + ".png"), *found.track[f]);
         ClipCutter::Sample sample{readImage(capture.frames[f].image), {}};
@@ -104,16 +105,23 @@ void cutAll(const Capture& capture, Found& found, const fs::path& shares, ClipCu
         return sample;
     };
     const size_t count = capture.size(), some = std::min(count, kSamples);
-    std::vector<ClipCutter::Sample> samples;
-    for (size_t i = 0; i < some; ++i) samples.push_back(load(i * count / some));
-    cutter.finish(samples);
-    samples.clear();
+    if (!given) {
+        std::vector<ClipCutter::Sample> samples;
+        for (size_t i = 0; i < some; ++i) samples.push_back(load(i * count / some));
+        cutter.finish(samples);
+    }
     FlickerMeter flicker;
     Progress progress("cut the person out", int64_t(count));
     for (size_t f = 0; f < count; ++f) {
         if (interrupted()) throw Interrupted{};
         const ClipCutter::Sample frame = load(f);
-        FrameCut cut = cutter.cut(frame.rgb, frame.share, found.track[f]->roi.side);
+        FrameCut cut;
+        if (given) {
+            cut.mask = readMask(*capture.frames[f].mask).data;
+            cut.network = agreement(cut.mask, frame.share);
+        } else {
+            cut = cutter.cut(frame.rgb, frame.share, found.track[f]->roi.side);
+        }
         Image mask(frame.rgb.width, frame.rgb.height, 1);
         FrameQuality& frameQuality = quality.frames[f];
         frameQuality.agreement = cut.network;
@@ -124,9 +132,80 @@ void cutAll(const Capture& capture, Found& found, const fs::path& shares, ClipCu
         const auto ofLast = flicker.next(cut.mask);
         if (f > 0) quality.frames[f - 1].flicker = ofLast;
         mask.data = std::move(cut.mask);
-        writeImage(*capture.frames[f].mask, mask);
+        if (!given) writeImage(*capture.frames[f].mask, mask);
         progress.update(int64_t(f) + 1);
     }
+}
+
+// Leaves frames out whose mask has little to do with where the person was found: training would
+// learn what is not hers. Where it is half of them or more, the masks are of another kind than the
+// network's, and are believed.
+void leaveOutDoubtful(Capture& capture, Found& found, std::vector<ClipFrame>& frames,
+                      ClipQuality& quality) {
+    constexpr double kLeastAgreement = .5;  // IoU
+    const auto isDoubtful = [](const FrameQuality& f) { return f.agreement < kLeastAgreement; };
+    const size_t count = capture.size(),
+                 doubtful = size_t(std::ranges::count_if(quality.frames, isDoubtful));
+    if (2 * doubtful >= count) return;
+    std::vector<size_t> keptBefore;
+    size_t kept = 0;
+    for (size_t f = 0; f < count; ++f) {
+        keptBefore.push_back(kept);
+        if (!isDoubtful(quality.frames[f])) {
+            if (kept != f) {
+                capture.frames[kept] = std::move(capture.frames[f]);
+                found.track[kept] = std::move(found.track[f]);
+                found.faces[kept] = found.faces[f];
+                found.times[kept] = found.times[f];
+                found.numbers[kept] = found.numbers[f];
+            }
+            ++kept;
+            continue;
+        }
+        frames[size_t(found.numbers[f])].fate = Fate::Doubtful;
+        quality.leftOut.push_back(
+            {int64_t{found.numbers[f]}, found.times[f],
+             fmt::format("its mask agrees with where the person was found to {:.2f} only (IoU)",
+                         quality.frames[f].agreement)});
+        fs::remove(capture.frames[f].image);
+        fs::remove(*capture.frames[f].mask);
+    }
+    std::ranges::sort(quality.leftOut, {}, &ClipQuality::LeftOut::number);
+    std::erase_if(quality.frames, isDoubtful);
+    capture.frames.resize(kept);
+    found.track.resize(kept);
+    found.faces.resize(kept);
+    found.times.resize(kept);
+    found.numbers.resize(kept);
+    for (size_t& beginning : found.beginnings) beginning = keptBefore[beginning];
+    const auto [last, end] = std::ranges::unique(found.beginnings);
+    found.beginnings.erase(last, end);
+    std::erase(found.beginnings, kept);
+}
+
+// Where a folder's pictures are: in it, or in images/ where there are neither poses nor cameras.
+// Empty: nowhere.
+fs::path picturesIn(const fs::path& folder) {
+    std::error_code error;
+    if (!fs::is_directory(folder, error)) return {};
+    const fs::path images = folder / "images";
+    if (!fs::exists(images, error)) return picturesOfFolder(folder).empty() ? fs::path() : folder;
+    for (const char* known : {"smpl_pose", "cameras.npz", "poses.npz"})
+        if (fs::exists(folder / known, error)) return {};
+    return !fs::is_directory(images, error) || picturesOfFolder(images).empty() ? fs::path()
+                                                                                : images;
+}
+
+// The masks that were asked for, or that lie beside images/; empty: none.
+fs::path masksOf(const ImportRequest& request, const fs::path& pictures) {
+    if (!request.masks.empty()) {
+        if (!request.plate.empty() || !request.matting.empty())
+            throwInput("--masks: expected neither --plate nor --matting, which make masks");
+        return request.masks;
+    }
+    std::error_code error;
+    const fs::path beside = request.source / "masks";
+    return pictures != request.source && fs::is_directory(beside, error) ? beside : fs::path();
 }
 
 Capture readClip(const ImportRequest& request) {
@@ -140,7 +219,12 @@ Capture readClip(const ImportRequest& request) {
     std::unique_ptr<MattingNetwork> matting;
     if (!request.matting.empty())
         matting = std::make_unique<MattingNetwork>(request.matting, request.mattingKind);
-    const std::vector<ClipFrame> frames = surveyClip(request.source, options);
+    const fs::path folder = picturesIn(request.source),
+                   source = folder.empty() ? request.source : folder,
+                   given = masksOf(request, source);
+    std::vector<ClipFrame> frames = surveyClip(source, options);
+    std::optional<GivenMasks> masks;
+    if (!given.empty()) masks.emplace(given, frames.size());
 
     Capture capture;
     createFolders(request.workspace / "images");
@@ -148,7 +232,11 @@ Capture readClip(const ImportRequest& request) {
     const fs::path shares = request.workspace / "shares";
     createFolders(shares);
     ClipCutter cutter(request.plate, std::move(matting));
-    Clip clip(request.source, options);
+    Clip clip(source, options);
+    const double lens = clip.focalLength();
+    const double angle = request.fov > 0 ? request.fov
+                         : lens > 0      ? angleOfLens(lens)
+                                         : kGuessedAngle;
     PersonTracker tracker(pose, request.person);
     FaceFinder faces(*request.device);
     const bool looksAtFaces = FaceFinder::isThere();
@@ -167,13 +255,16 @@ Capture readClip(const ImportRequest& request) {
             quality.leftOut.push_back({int64_t(i), frames[i].time, std::move(why)});
         };
         if (frames[i].fate != Fate::Kept) {
+            if (masks) masks->skip();
             if (const std::string why = whyLeftOut(frames[i]); !why.empty()) leaveOut(why);
             continue;
         }
         if (cut) tracker.forget();
         auto person = tracker.next(picture, frames[i].time);
         if (!person) {
+            if (masks) masks->skip();
             ++nobody;
+            frames[i].fate = Fate::Nobody;
             leaveOut("without the person");
             continue;
         }
@@ -186,10 +277,14 @@ Capture readClip(const ImportRequest& request) {
         frame.name = fmt::format("{:06}", i);
         frame.image = request.workspace / "images" / (frame.name + ".png");
         frame.mask = request.workspace / "masks" / (frame.name + ".png");
-        frame.camera = cameraOfAngle(picture.width, picture.height,
-                                     request.fov > 0 ? request.fov : kGuessedAngle);
+        frame.camera = cameraOfAngle(picture.width, picture.height, angle);
+        if (masks) {
+            Image mask(picture.width, picture.height, 1);
+            mask.data = masks->next(picture.width, picture.height);
+            writeImage(*frame.mask, mask);
+        }
         quality.frames.push_back(qualityOf(frame.name, *person, picture.width, picture.height));
-        cutter.learn(picture, personShare(*person, picture.width, picture.height));
+        if (!masks) cutter.learn(picture, personShare(*person, picture.width, picture.height));
         keepShare(shares / (frame.name + ".png"), *person);
         person->mask = {};
         std::optional<FaceMesh> face;
@@ -213,8 +308,9 @@ Capture readClip(const ImportRequest& request) {
         looksAtFaces ? fmt::format("as the face looks in {} frames of {}, else by the ears",
                                    seenFaces, found.faces.size())
                      : "by the ears; scripts/setup --models fetches a network that sees faces";
-    cutAll(capture, found, shares, cutter, quality);
-    quality.masks = cutter.source();
+    cutAll(capture, found, shares, bool(masks), cutter, quality);
+    leaveOutDoubtful(capture, found, frames, quality);
+    quality.masks = masks ? fmt::format("given, {}", given.filename().string()) : cutter.source();
     fs::remove_all(shares);
     const size_t swaps = mendSwaps(found.track, found.beginnings);
     smoothBothWays(found.track, found.times, found.beginnings);
@@ -235,17 +331,17 @@ Capture readClip(const ImportRequest& request) {
     writeLandmarks(request.workspace / "landmarks.npz", found);
     capture.name = request.source.stem().string();
     capture.fps = keptRate(frames, options.fps);
-    capture.source["masks"] = fmt::format("found by blazepose {}, cut out by {}",
-                                          poseNetName(request.net), cutter.source());
+    capture.source["masks"] = masks ? quality.masks
+                                    : fmt::format("found by blazepose {}, cut out by {}",
+                                                  poseNetName(request.net), cutter.source());
     capture.source["poses"] = "a start from landmarks, for a fit to refine";
     capture.source["camera"] =
-        request.fov > 0
-            ? fmt::format("{:g} degrees along the longer side, given", request.fov)
-            : fmt::format("{:g} degrees along the longer side, guessed (--fov)", kGuessedAngle);
+        fmt::format("{:.3g} degrees along the longer side, {}", angle,
+                    request.fov > 0 ? "given"
+                    : lens > 0 ? fmt::format("by its file: a lens of {:g} mm on 35 mm film", lens)
+                               : "guessed (--fov)");
     if (request.height > 0) capture.source["height"] = fmt::format("{:g} m, given", request.height);
-    std::string left = leftOut(frames);
-    if (nobody > 0) left += fmt::format("{}{} without a person", left.empty() ? "" : ", ", nobody);
-    if (!left.empty()) capture.source["left_out"] = left;
+    if (const std::string left = leftOut(frames); !left.empty()) capture.source["left_out"] = left;
     const std::string ends = endsEarly(frames, clip.duration());
     clip.next(picture);  // past the last one: what ended the clip
     if (!clip.damage().empty())
@@ -287,13 +383,8 @@ const Importer kVideo{{
 
 const Importer kPictures{{
     .name = "pictures",
-    .looks = "pictures (a clip's frames)",
-    .recognises =
-        [](const fs::path& source) {
-            std::error_code error;
-            return fs::is_directory(source, error) && !fs::exists(source / "images", error) &&
-                   !picturesOfFolder(source).empty();
-        },
+    .looks = "pictures (a clip's frames), also in images/ beside masks/",
+    .recognises = [](const fs::path& source) { return !picturesIn(source).empty(); },
     .read = readClip,
 }};
 

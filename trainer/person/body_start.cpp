@@ -92,6 +92,8 @@ dvec3 stand(const std::vector<Seen>& seen, const Camera& camera, double* residua
 
 }  // namespace
 
+double angleOfLens(double focalLength) { return std::atan(18 / focalLength) * 360 / kPi; }
+
 Camera cameraOfAngle(int width, int height, double degrees) {
     const double focal = std::max(width, height) / (2 * std::tan(degrees * kPi / 360));
     return {focal, focal, width / 2., height / 2., width, height};

@@ -13,6 +13,10 @@ namespace doppel {
 // What a picture's longer side sees where nobody says it: a phone's main camera, degrees.
 inline constexpr double kGuessedAngle = 60;
 
+// What the longer side of a picture sees through a lens that is as one of so many mm on 35 mm film,
+// degrees.
+double angleOfLens(double focalLength);
+
 // A camera whose longer side sees `degrees`, with its axis through the picture's middle.
 Camera cameraOfAngle(int width, int height, double degrees);
 

@@ -24,6 +24,7 @@ public:
     bool bytes = false;                       // samples are integers of 8 bits at most
     bool linear = false;                      // colours are linear light
     std::string software;                     // the text of this name, or nothing
+    double focalLength = 0;                   // EXIF's in 35 mm film, mm; 0: it has none
 
     // height · width · channels samples, alpha not multiplied in; integers span their type's range.
     // InputError where the file is damaged.

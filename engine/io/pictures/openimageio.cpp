@@ -67,6 +67,7 @@ public:
         const std::string_view space(spec.get_string_attribute("oiio:ColorSpace").c_str());
         linear = std::strcmp(format, "openexr") == 0 || (space == "Linear" && floats);
         software = spec.get_string_attribute("Software");
+        focalLength = spec.get_int_attribute("Exif:FocalLengthIn35mmFilm", 0);
     }
 
     void read(std::span<uint8_t> samples) override { read(TypeDesc::UINT8, samples.data()); }

@@ -20,7 +20,7 @@ namespace doppel {
 
 std::vector<std::filesystem::path> inputsOf(const ImportOptions& options) {
     const ImportRequest& request = options.settings.request;
-    return {request.source, request.poses, request.plate, request.matting, bodyFile(options.body)};
+    return {request.source, request.poses, request.plate, request.matting, request.masks, bodyFile(options.body)};
 }
 
 ImportResult bringIn(const ImportOptions& options) {
@@ -179,6 +179,9 @@ void declareImportFlags(CommandFlags& flags, ImportOptions& o) {
                      "colours from -.5 to .5. RVM takes its own last outputs too and cannot be run")
         ->capture_default_str()
         ->check(CLI::IsMember({"modnet", "isnet"}));
+    flags.path("--masks", o.settings.request.masks,
+               "Of a clip: masks of its pictures in their order, a folder or a video, the person "
+               "white (or a cut-out with alpha), from whatever program made them");
     flags.body(o.body);
     flags->add_flag("!--no-overlays", o.settings.overlays, "Leave the overlay pictures out");
 }
