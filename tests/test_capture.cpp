@@ -324,13 +324,15 @@ TEST(Capture, SaysWhatIsWrong) {
         values.write(c / "poses.npz");
     });
     expect("c/poses.npz", [&] { fs::resize_file(c / "poses.npz", 300); });
-    expect("c/poses.npz", [&] { fs::remove(c / "poses.npz"); });
+    expect("c/poses.npz: expected this file of a capture, found none; docs/formats.md",
+           [&] { fs::remove(c / "poses.npz"); });
     expect("c/cameras.npz: intrinsic: expected [fx 0 cx; 0 fy cy; 0 0 1]", [&] {
         Npz npz = readNpz(c / "cameras.npz");
         npz.set("intrinsic", Array::f64({3, 3}, std::vector<double>(9, 1.)));
         writeNpz(c / "cameras.npz", npz, false);
     });
-    expect("c/cameras.npz", [&] { fs::remove(c / "cameras.npz"); });
+    expect("c/cameras.npz: expected this file of a capture, found none; docs/formats.md",
+           [&] { fs::remove(c / "cameras.npz"); });
     expect("c/capture.toml: frames: expected each name once, found \"f1\" twice",
            [&] { folder.write("c/capture.toml", "frames = [\"f1\", \"f1\"]"); });
     // What becomes a part of a path.

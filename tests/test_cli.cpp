@@ -461,6 +461,53 @@ TEST(CommandLine, HelpShowsAnExample) {
     }
 }
 
+// The words of a shell's line, up to where another command or a file begins.
+std::vector<std::string> wordsOfLine(const std::string& line) {
+    std::vector<std::string> words;
+    std::string word;
+    bool quoted = false;
+    for (const char c : line + " ") {
+        if (c == '"') {
+            quoted = !quoted;
+        } else if (c != ' ' || quoted) {
+            word += c;
+        } else if (!word.empty()) {
+            if (word == "&&" || word == ">") break;
+            words.push_back(word);
+            word.clear();
+        }
+    }
+    return words;
+}
+
+TEST(CommandLine, EveryExampleIsOneThatItTakes) {
+    for (const char* command :
+         {"ablate", "avatar", "batch", "bench", "check", "completion", "demo", "devices", "eval",
+          "export", "fit", "import", "manual", "mix", "render", "retarget", "train", "view"}) {
+        const std::string help = run({command, "--help"}).out;
+        const size_t begin = help.find("Example:\n");
+        ASSERT_NE(begin, std::string::npos) << command;
+        std::istringstream text(help.substr(begin));
+        std::string line, whole;
+        size_t examples = 0;
+        while (std::getline(text, line)) {
+            // A line that ends in a backslash goes on.
+            whole += line;
+            if (whole.ends_with('\\')) {
+                whole.pop_back();
+                continue;
+            }
+            const std::vector<std::string> words = wordsOfLine(std::exchange(whole, {}));
+            if (words.empty() || words[0] != "doppel") continue;
+            const Outcome o = run({words.begin() + 1, words.end()});
+            EXPECT_EQ(o.status, 0) << line << "\n" << o.err;
+            EXPECT_EQ(o.called, words.at(1)) << line;
+            ++examples;
+        }
+        EXPECT_GT(examples, 0u) << command;
+    }
+}
+
 TEST(Presets, PaperIsThePapers) {
     const Preset paper = presetByName("paper");
     EXPECT_EQ(paper.mesh.size, 256);

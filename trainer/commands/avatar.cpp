@@ -57,7 +57,6 @@ void bringCaptureIn(const AvatarOptions& options) {
     ImportOptions import = options.import;
     import.common = options.common;
     import.settings.out = options.out / "capture";
-    import.settings.commandLine = options.common.commandLine;
     const fs::path request = options.out / "request.txt";
     const std::string asked = requestOf(import), there = contentOf(request);
     const bool finished = fs::exists(import.settings.out / "capture.toml");

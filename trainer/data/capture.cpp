@@ -176,8 +176,12 @@ Capture readCapture(const fs::path& folder) {
             "a capture's files",
             (folder / "images").string());
     }
-    const Cameras cameras = readCameras(folder / "cameras.npz", names.size());
     std::error_code error;
+    for (const char* part : {"cameras.npz", "poses.npz"})
+        if (!fs::exists(folder / part, error))
+            throwInput("{}: expected this file of a capture, found none; docs/formats.md has all",
+                       (folder / part).string());
+    const Cameras cameras = readCameras(folder / "cameras.npz", names.size());
     const bool masked = fs::exists(folder / "masks", error);
     const auto masks = masked ? picturesIn(folder / "masks") : std::map<std::string, fs::path>{};
 

@@ -30,6 +30,7 @@ ImportResult bringIn(const ImportOptions& options) {
     BodyPoser poser(device, body);
     MeshDrawer drawer(device, body);
     ImportSettings settings = options.settings;
+    settings.commandLine = options.common.commandLine;
     settings.request.device = &device;
     settings.request.body = &body;
     settings.request.net = poseNetByName(options.net, "--pose");
@@ -61,10 +62,14 @@ void runImport(const ImportOptions& options) {
     const ImportResult result = bringIn(options);
     const Capture& capture = result.capture;
     if (options.common.json) {
+        // Of a clip Doppel may have found them before they were taken over.
+        const auto masks = capture.source.find("masks");
+        const bool found = masks != capture.source.end() && masks->second.starts_with("found");
         nlohmann::ordered_json json{{"out", options.settings.out.string()},
                                     {"layout", result.layout},
                                     {"frames", capture.size()},
-                                    {"masks_given", result.givenMasks},
+                                    {"masks_given", found ? 0 : result.givenMasks},
+                                    {"masks_found", found ? result.givenMasks : 0},
                                     {"masks_keyed", result.keyedMasks}};
         if (capture.keypoints) json["keypoints"] = capture.keypoints->scheme;
         if (result.givenMasks + result.keyedMasks > 0) json["iou"] = result.meanIou;
