@@ -67,7 +67,7 @@ inline std::vector<glm::dvec3> places(size_t count) {
 // What the skeleton without any axes of its own gives.
 inline Motion expectedOf(const std::vector<Bone>& bones, const std::vector<Turns>& frames,
                          const std::vector<glm::dvec3>& where, double fps = 30) {
-    SkeletonMotion source{"test", "rest", {}, frames.size(), 1 / fps, {}};
+    SkeletonMotion source{"test", "rest", {}, frames.size(), 1 / fps, 1, {}};
     for (const Bone& bone : bones) source.joints.push_back({bone.name, bone.parent});
     source.placed = [&](int64_t frame) {
         SkeletonMotion::Placement placed;

@@ -6,10 +6,12 @@
 #include <cmath>
 
 #include "engine/error.h"
+#include "tests/bvh_text.h"
 #include "tests/walking_person.h"
 #include "trainer/data/random.h"
 #include "trainer/motion/retarget/feet.h"
 #include "trainer/motion/retarget/girth.h"
+#include "trainer/motion/retarget/hands.h"
 #include "trainer/motion/session.h"
 #include "trainer/motion/upright.h"
 
@@ -82,9 +84,10 @@ void expectSameBytes(const Motion& a, const Motion& b) {
 
 std::string shown(const RetargetFigures& f) {
     return fmt::format(
-        "slide {:.2f} height {:.2f} sunk {:.2f} deepest {:.2f} overlap {:.2f} acceleration {:.2f} "
-        "sharpest {:.1f}",
-        f.slide, f.height, f.sunk, f.deepest, f.overlap, f.acceleration, f.sharpest);
+        "slide {:.2f} height {:.2f} sunk {:.2f} deepest {:.2f} overlap {:.2f} touch {:.2f} wrong "
+        "contacts {:.1f} acceleration {:.2f} sharpest {:.1f}",
+        f.slide, f.height, f.sunk, f.deepest, f.overlap, f.touch, f.wrongContacts, f.acceleration,
+        f.sharpest);
 }
 
 std::string shown(const Retargeted& r) {
@@ -439,6 +442,116 @@ TEST(Retarget, HandsReachTheSamePointsInSpace) {
     EXPECT_LT(result.after->sharpest, 1.5 * result.source->sharpest) << shown(result);
 }
 
+// The mean body with arms and trunk of other lengths.
+Proportions stretched(double arms, double broader) {
+    auto rest = body(kMean).rest;
+    for (size_t side : {0, 1}) {
+        const glm::dvec3 shoulder = rest[joint::kLeftShoulder + side];
+        for (const size_t j : {joint::kLeftElbow, joint::kLeftWrist, joint::kLeftHand})
+            rest[j + side] = shoulder + arms * (rest[j + side] - shoulder);
+        const glm::dvec3 out(broader * shoulder.x, 0, 0);
+        for (const size_t j : {joint::kLeftCollar, joint::kLeftShoulder, joint::kLeftElbow,
+                               joint::kLeftWrist, joint::kLeftHand})
+            rest[j + side] += out;
+    }
+    return withJoints(body(kMean), rest);
+}
+
+// Somebody stands with one hand on the hip, and claps slowly with both from half of the time on.
+Motion handsThatTouch() {
+    Walk walk = walkOf(body(kMean), kMean, {.stride = .001});
+    const Proportions& p = body(kMean);
+    for (size_t f = 0; f < walk.poses.size(); ++f) {
+        JointPose& pose = walk.poses[f];
+        const double apart = f < 60 ? .3 : .14 + .13 * std::cos(2 * M_PI * double(f - 60) / 30);
+        for (size_t side : {0, 1}) {
+            const PlacedJoints joints = placed(p, pose);
+            const double sign = side == 0 ? 1 : -1;
+            glm::dvec3 goal = joints.place[joint::kSpine2] + glm::dvec3(sign * apart, 0, .36);
+            if (side == 1 && f < 60)
+                goal = joints.place[joint::kRightHip] + glm::dvec3(-.115, .1, 0);
+            reach(p, armOf(side), goal, pose);
+        }
+    }
+    fromGround(walk.poses, p, {}, walk.motion);
+    return walk.motion;
+}
+
+TEST(Retarget, HandsThatTouchDoSoOnOtherProportions) {
+    const Motion motion = handsThatTouch();
+    struct Other {
+        double arms, broader, most;  // mm; shorter arms do not reach all that longer ones did
+    };
+    for (const auto& [arms, broader, most] :
+         {Other{1.2, 0, 8}, Other{.88, 0, 30}, Other{1, .12, 8}}) {
+        const Proportions target = stretched(arms, broader);
+        const Retargeted result = retarget(motion, body(kMean), target);
+        const std::string what = fmt::format("{} {}\n{}", arms, broader, shown(result));
+        EXPECT_GT(result.before->touch, 15) << what;
+        EXPECT_LT(result.after->touch, most) << what;
+        EXPECT_LT(result.after->touch, .5 * result.before->touch) << what;
+        EXPECT_LT(result.after->sharpest, 1.6 * result.source->sharpest) << what;
+    }
+    // On its own body a hand is where it was.
+    const auto poses = onGround(motion, body(kMean), {});
+    std::vector<JointPose> same = poses;
+    touchAsTheSource(body(kMean), poses, body(kMean), same, 30);
+    for (size_t f = 0; f < poses.size(); ++f)
+        for (size_t j = 0; j < joint::kCount; ++j)
+            EXPECT_NEAR(std::abs(glm::dot(same[f].local[j], poses[f].local[j])), 1, 1e-9);
+}
+
+TEST(Retarget, WhatNothingTouchesStaysWhereRotationsTakeIt) {
+    WalkOptions o;
+    o.arms = .3;
+    const Walk walk = walkOf(body(kMean), kMean, o);
+    const Proportions target = stretched(1.2, 0);
+    const auto theirs = onGround(walk.motion, body(kMean), {});
+    std::vector<JointPose> poses = theirs;
+    touchAsTheSource(body(kMean), theirs, target, poses, 30);
+    for (size_t f = 0; f < poses.size(); ++f)
+        for (const size_t j : {joint::kLeftShoulder, joint::kRightElbow})
+            EXPECT_EQ(poses[f].local[j], theirs[f].local[j]);
+}
+
+// A skeleton of a file: arms a fifth longer than the simple person's, centimetres.
+TEST(Retarget, ASkeletonTellsWhoMoved) {
+    auto bones = person(false);
+    for (Bone& bone : bones) {
+        if (bone.name.ends_with("ForeArm") || bone.name.ends_with("Hand")) bone.offset *= 1.2;
+        if (bone.name.ends_with("Arm") && !bone.name.ends_with("ForeArm")) bone.offset.x *= 1.5;
+    }
+    const std::vector<Angles> frames(60);
+    const std::vector<glm::dvec3> places(60, glm::dvec3(0, .95, 0));
+    const Motion motion = motionOf(bvhText(bones, frames, places, {.unit = .01}));
+    ASSERT_TRUE(motion.skeleton);
+    const auto& rest = motion.skeleton->rest;
+    const double size = motion.skeleton->size;
+    const auto length = [&](size_t from, size_t to) {
+        return size * glm::distance(rest[from], rest[to]);
+    };
+    EXPECT_NEAR(length(joint::kLeftHip, joint::kLeftKnee), .4, 1e-6);
+    EXPECT_NEAR(length(joint::kRightKnee, joint::kRightAnkle), .4, 1e-6);
+    EXPECT_NEAR(length(joint::kLeftShoulder, joint::kLeftElbow), .28 * 1.2, 1e-6);
+    EXPECT_NEAR(length(joint::kRightElbow, joint::kRightWrist), .25 * 1.2, 1e-6);
+    EXPECT_NEAR(length(joint::kLeftShoulder, joint::kRightShoulder), 2 * (.05 + .18), 1e-6);
+    EXPECT_NEAR(length(joint::kLeftHip, joint::kRightHip), .18, 1e-6);
+
+    // In space hands are where the file has them, in metres, however long the legs are taken to be.
+    RetargetSettings settings;
+    settings.reach = "space";
+    const Betas taller = shaped({{0, 1.2f}});
+    const Retargeted result = retargetTo({model(), taller}, motion, settings);
+    ASSERT_TRUE(result.changed);
+    const auto ours = onGround(result.motion, body(taller), {});
+    const PlacedJoints joints = placed(body(taller), ours[30]);
+    // Ankles at .1 m in the file; soles are as far below them as the body's.
+    const double theirs = .95 + .44 + .12 - (.95 - .05 - .8);
+    EXPECT_NEAR(joints.place[joint::kLeftHand].y, theirs, .03);
+    // As long as a T-pose of this body goes, the arms are straight without it.
+    EXPECT_NEAR(result.rootScale, body(taller).legLength() / (.8 / size), 1e-3);
+}
+
 double meanOverlap(const std::vector<JointPose>& theirs, const std::vector<JointPose>& ours) {
     double sum = 0;
     for (size_t f = 0; f < ours.size(); ++f)
@@ -495,6 +608,62 @@ TEST(Retarget, LegsLeaveEachOther) {
 }
 
 // ---- for commands -------------------------------------------------------------------------------
+
+// A stand-in for SMPL's body, which does not come with Doppel: of as many vertices and faces.
+BodyModel asIfSmpl() {
+    BodyModel smpl = model();
+    smpl.modelVertices = 6890;
+    smpl.modelFaces = 13776;
+    return smpl;
+}
+
+TEST(Retarget, CoefficientsCountOnTheBodyWhoseTheyAre) {
+    const BodyModel smpl = asIfSmpl();
+    const auto of = [&](const char* type, double beta, const BodyModel& on) {
+        Folder folder;
+        const Motion walk = walkOf(body(kMean), kMean).motion;
+        const auto frames = static_cast<int64_t>(walk.size());
+        std::vector<double> poses, trans, betas(16);
+        betas[0] = beta;
+        for (size_t f = 0; f < walk.size(); ++f) {
+            poses.insert(poses.end(), walk.theta[f].begin(), walk.theta[f].begin() + 66);
+            poses.resize((f + 1) * 156);
+            trans.insert(trans.end(), walk.trans[f].begin(), walk.trans[f].end());
+        }
+        Npz npz;
+        npz.set("poses", Array::f64({frames, 156}, poses));
+        npz.set("trans", Array::f64({frames, 3}, trans));
+        npz.set("betas", Array::f64({16}, betas));
+        npz.set("mocap_framerate", Array::scalarF64(30));
+        npz.set("surface_model_type", Array::text(type));
+        writeNpz(folder / "walk.npz", npz, true);
+        RetargetSettings settings;
+        settings.reach = "space";  // so that it is fitted to whoever it is
+        return retargetTo({on, kMean}, readMotion(folder / "walk.npz"), settings);
+    };
+    const double tall = of("smplh", 2.5, smpl).rootScale,
+                 little = of("smplh", -2.5, smpl).rootScale;
+    EXPECT_NEAR(tall, body(kMean).legLength() / body(kTall).legLength(), 1e-6);
+    EXPECT_NEAR(little, body(kMean).legLength() / body(kShort).legLength(), 1e-6);
+    // On our own body, and SMPL-X's on SMPL's, they mean something else, and a line says so.
+    for (const Retargeted& left : {of("smplh", 2.5, model()), of("smplx", 2.5, smpl)}) {
+        EXPECT_NEAR(left.rootScale, 1, 1e-9);
+        EXPECT_NE(left.summary.find("which mean something else to the avatar's body, and are left "
+                                    "out"),
+                  std::string::npos)
+            << left.summary;
+    }
+}
+
+TEST(Retarget, WrongContactsAreCounted) {
+    WalkOptions o;
+    o.heelRise = .5;
+    const Walk walk = walkOf(body(kTall), kTall, o);
+    const Retargeted result = retarget(walk.motion, body(kTall), body(kShort));
+    EXPECT_GT(result.before->wrongContacts, 60) << shown(result);
+    EXPECT_LT(result.after->wrongContacts, 20) << shown(result);
+    EXPECT_EQ(result.source->wrongContacts, 0) << "found in the very motion";
+}
 
 TEST(Retarget, WhoseMotionItIsStaysToTheLastBit) {
     Motion motion = walkOf(body(kTall), kTall).motion;

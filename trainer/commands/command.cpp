@@ -98,8 +98,9 @@ void CommandFlags::retarget(RetargetSettings& settings) {
          "When heels and toes stand on the ground, .json or .npz (docs/formats.md); without: found "
          "in the motion");
     app_.add_option("--reach", settings.reach,
-                    "Hands go where the source's rotations take them, or to the source's points in "
-                    "space: as high above the ground, as far from the root")
+                    "Hands go where the source's rotations take them, and touch what they touched "
+                    "(each other, the hips); or to the source's points in space: as high above the "
+                    "ground, as far from the root")
         ->capture_default_str()
         ->check(CLI::IsMember({"proportion", "space"}));
 }

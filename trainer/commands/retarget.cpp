@@ -27,12 +27,15 @@ struct Figure {
     const char *name, *text;
     double RetargetFigures::*value;
 };
-constexpr std::array<Figure, 7> kFigures = {{
+constexpr std::array<Figure, 9> kFigures = {{
     {"slide_mm_per_frame", "feet slide in contact, mm a frame", &RetargetFigures::slide},
     {"contact_height_mm", "feet off the ground in contact, mm", &RetargetFigures::height},
     {"sunk_mm", "soles below the ground, mm", &RetargetFigures::sunk},
     {"deepest_mm", "soles below the ground at most, mm", &RetargetFigures::deepest},
     {"overlap_mm", "limbs in the body, mm more than the source's", &RetargetFigures::overlap},
+    {"touch_mm", "hands off what they should touch, mm", &RetargetFigures::touch},
+    {"wrong_contacts_percent", "frames with wrong contacts of feet, %",
+     &RetargetFigures::wrongContacts},
     {"acceleration", "acceleration of joints, m/s\u00b2", &RetargetFigures::acceleration},
     {"sharpest", "largest acceleration of a joint, m/s\u00b2", &RetargetFigures::sharpest},
 }};

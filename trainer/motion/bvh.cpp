@@ -290,9 +290,9 @@ Bvh readBvh(const std::filesystem::path& file) {
 }
 
 Motion motionFromBvh(const Bvh& bvh) {
-    SkeletonMotion source{
-        bvh.file,   "OFFSET",      {},
-        bvh.frames, bvh.frameTime, [&](int64_t frame) { return bvh.place(frame); }};
+    SkeletonMotion source{bvh.file, "OFFSET", {}, bvh.frames, bvh.frameTime, 0, [&](int64_t frame) {
+                              return bvh.place(frame);
+                          }};
     for (const Bvh::Joint& joint : bvh.joints)
         source.joints.push_back({joint.name == "End Site" ? "" : joint.name, joint.parent});
     return motionFromSkeleton(source);

@@ -138,11 +138,13 @@ double rateOf(const GltfNodes::Clip& clip) {
     return std::min(std::abs(rate - whole) < 5e-3 * rate ? whole : rate, 240.);
 }
 
-Motion motionOf(const GltfNodes& file, const fs::path& path) {
+// metres: of a unit, 0 where the format does not say.
+Motion motionOf(const GltfNodes& file, const fs::path& path, double metres) {
     const GltfNodes::Clip& clip = clipOf(file, path);
     SkeletonMotion source;
     source.file = path.string();
     source.rest = "nodes";
+    source.metres = metres;
     source.joints.push_back({"scene", -1});
     for (const GltfNode& node : file.nodes) source.joints.push_back({node.name, node.parent + 1});
     // VRM says which bone is which, whatever it is called.
@@ -184,7 +186,7 @@ const MotionFormat kGltf{{
     .ending = ".glb",
     .recognises = [](const fs::path& path,
                      std::string_view begin) { return isGltf(begin) || endingOf(path) == ".gltf"; },
-    .read = [](const fs::path& path) { return motionOf(readGltfNodes(path), path); },
+    .read = [](const fs::path& path) { return motionOf(readGltfNodes(path), path, 1); },
 }};
 
 bool isFbx(std::string_view begin) {
@@ -195,7 +197,7 @@ const MotionFormat kFbx{{
     .looks = "an FBX animation (.fbx)",
     .ending = ".fbx",
     .recognises = [](const fs::path&, std::string_view begin) { return isFbx(begin); },
-    .read = [](const fs::path& path) { return motionOf(readFbxNodes(path), path); },
+    .read = [](const fs::path& path) { return motionOf(readFbxNodes(path), path, 0); },
 }};
 
 }  // namespace

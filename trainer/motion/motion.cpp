@@ -44,7 +44,8 @@ MotionFormat::MotionFormat(const Declaration& declaration) {
 }
 
 Motion Motion::subset(std::span<const size_t> indices) const {
-    Motion part{source, name, note, selectedRate(fps, indices), {}, {}, betas, {}, {}};
+    Motion part{source,   name, note, selectedRate(fps, indices), {}, {}, betas, shape,
+                skeleton, {},   {}};
     for (size_t i : indices) {
         CHECK(i < size(), "frame {} is one of the motion's {}", i, size());
         part.theta.push_back(theta[i]);

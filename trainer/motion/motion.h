@@ -1,8 +1,12 @@
 // Motions: poses without pictures, which drive an avatar.
 #pragma once
 
+#include <array>
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
+#include <glm/glm.hpp>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -13,6 +17,16 @@
 
 namespace doppel {
 
+// Whose shape coefficients are: those of the body that the poses are of, which captures name; or
+// SMPL's (SMPL+H's first ten are the same) or SMPL-X's, whatever body the poses are put on.
+enum class ShapeSpace : uint8_t { Body, Smpl, SmplX };
+
+// Who moved, by the skeleton of the file.
+struct SourceSkeleton {
+    std::array<glm::dvec3, joint::kCount> rest;  // SMPL's joints in a T-pose, the motion's metres
+    double size = 1;                             // of the world's metres in one of the motion's
+};
+
 struct Motion {
     std::filesystem::path source;
     std::string name;
@@ -22,6 +36,8 @@ struct Motion {
     std::vector<Theta> theta;
     std::vector<Trans> trans;
     Betas betas{};
+    ShapeSpace shape = ShapeSpace::Body;
+    std::optional<SourceSkeleton> skeleton;  // where bones say more than betas
     // Per frame where the source is a capture; then theta and trans are in camera space.
     std::vector<Camera> cameras;
     // Per frame, from the world of the cameras' file to the camera that saw the frame; empty where

@@ -270,6 +270,42 @@ public:
                            scale_);
     }
 
+    // Legs and arms as long as the rest pose has them, hips and shoulders as far apart and as far
+    // above each other; trunk and neck go along, hands and feet are the default body's.
+    SourceSkeleton skeleton() const {
+        SourceSkeleton found;
+        auto& rest = found.rest;
+        const auto middle = [](size_t left) { return .5 * (restOf(left) + restOf(left + 1)); };
+        const glm::dvec3 hips = middle(joint::kLeftHip);
+        const double apart = boneLength(joint::kRightHip, joint::kLeftHip),
+                     broad = boneLength(joint::kRightShoulder, joint::kLeftShoulder);
+        const double tall = middle(joint::kLeftShoulder).y - hips.y;
+        const double theirs =
+            glm::dot(restMiddle(joint::kLeftShoulder) - restMiddle(joint::kLeftHip),
+                     frame_ * glm::dvec3(0, 1, 0));
+        const double higher = believed(scale_ * theirs, tall) / tall;
+        const double wider =
+            broad / glm::distance(restOf(joint::kRightShoulder), restOf(joint::kLeftShoulder));
+        for (size_t j = 0; j < joint::kCount; ++j) {
+            rest[j] = restOf(j);
+            if (rest[j].y <= hips.y) continue;
+            rest[j].x *= wider;
+            rest[j].y = hips.y + higher * (rest[j].y - hips.y);
+        }
+        rest[joint::kHead] = rest[joint::kNeck] + restOf(joint::kHead) - restOf(joint::kNeck);
+        for (const size_t right : {0u, 1u}) {
+            rest[joint::kLeftHip + right].x = (right == 0 ? .5 : -.5) * apart;
+            stretchLimb({joint::kLeftHip + right, joint::kLeftKnee + right,
+                         joint::kLeftAnkle + right, joint::kLeftFoot + right},
+                        rest);
+            stretchLimb({joint::kLeftShoulder + right, joint::kLeftElbow + right,
+                         joint::kLeftWrist + right, joint::kLeftHand + right},
+                        rest);
+        }
+        found.size = sizeOfMotion();
+        return found;
+    }
+
     void pose(int64_t frame, Theta& theta, Trans& trans) const {
         const SkeletonMotion::Placement placed = source_.placed(frame);
         std::array<glm::dquat, joint::kCount> global;
@@ -307,6 +343,53 @@ private:
     }
     glm::dvec3 restMiddle(size_t left) const {
         return .5 * (restPlace(left) + restPlace(left + 1));
+    }
+
+    // A length that no person has is a mistake of the file, or a bone that means something else.
+    static double believed(double theirs, double ours) {
+        return std::clamp(theirs, .4 * ours, 2.5 * ours);
+    }
+
+    // From joint to joint, metres of the motion, the mean of left and right: bodies are even, and
+    // what files have is not. Where the source has no such joints, the default body's.
+    double boneLength(size_t from, size_t to) const {
+        double theirs = 0, count = 0;
+        for (const auto& [a, b] :
+             {std::pair(from, to), std::pair(oppositeJoint(from), oppositeJoint(to))}) {
+            if (map_.of[a] == kNone || map_.of[b] == kNone) continue;
+            theirs += scale_ * glm::distance(restPlace(a), restPlace(b));
+            ++count;
+        }
+        const double ours = glm::distance(restOf(from), restOf(to));
+        return count > 0 ? believed(theirs / count, ours) : ours;
+    }
+
+    // The default body's bones, the first two as long as the source's.
+    void stretchLimb(const std::array<size_t, 4>& joints,
+                     std::array<glm::dvec3, joint::kCount>& rest) const {
+        for (size_t i = 0; i + 1 < joints.size(); ++i) {
+            glm::dvec3 bone = restOf(joints[i + 1]) - restOf(joints[i]);
+            if (i < 2) bone *= boneLength(joints[i], joints[i + 1]) / glm::length(bone);
+            rest[joints[i + 1]] = rest[joints[i]] + bone;
+        }
+    }
+
+    // Formats that do not say what their unit is have one of those in which a leg is as long as
+    // people's. 1 where nothing fits.
+    double sizeOfMotion() const {
+        constexpr double kShortest = .55, kLongest = 1.1;  // of a leg, metres
+        constexpr double kCentimetres = .01, kInches = .0254, kOfCmu = .0564444;
+        const double leg = (boneLength(joint::kLeftHip, joint::kLeftKnee) +
+                            boneLength(joint::kLeftKnee, joint::kLeftAnkle)) /
+                           scale_;
+        const auto fits = [&](double metres) {
+            return metres * leg > kShortest && metres * leg < kLongest;
+        };
+        for (const double metres : {source_.metres, 1., kCentimetres, kInches, kOfCmu}) {
+            if (metres > 0 && fits(metres)) return metres / scale_;
+            if (source_.metres > 0) break;
+        }
+        return 1;
     }
 
     // How a joint of the source has turned since the rest pose, in the world.
@@ -480,6 +563,7 @@ Motion motionFromSkeleton(const SkeletonMotion& source) {
     motion.source = source.file;
     motion.name = motion.source.stem().string();
     motion.note = retarget.note();
+    motion.skeleton = retarget.skeleton();
     // Files round: ".0333333" is thirty a second.
     const double fps = 1 / source.frameTime, whole = std::round(fps);
     motion.fps = std::abs(fps - whole) < 5e-4 * fps ? whole : fps;

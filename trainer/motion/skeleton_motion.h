@@ -30,6 +30,7 @@ struct SkeletonMotion {
     std::vector<Joint> joints;
     size_t frames = 0;
     double frameTime = 0;                            // seconds
+    double metres = 0;                               // in a unit; 0: the format does not say
     std::function<Placement(int64_t frame)> placed;  // frame −1: the rest pose
 };
 
@@ -42,7 +43,8 @@ struct SkeletonMotion {
 // that looks along an axis; where the source's makes no such pose, the frame that is stretched most
 // stands in for it. Limbs are turned so that each bone points where the source's does. As many
 // spine joints as the source has become SMPL's three. The legs' lengths give the scale, whatever
-// the unit: the hips move as far as legs of the default body's length carry them.
+// the unit: the hips move as far as legs of the default body's length carry them. What the bones
+// tell of who moved is the motion's `skeleton`.
 Motion motionFromSkeleton(const SkeletonMotion& source);
 
 // Where the joints of the default body are in a pose, metres.

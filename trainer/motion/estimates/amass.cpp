@@ -70,6 +70,7 @@ void readAmass(EstimateSource& source, Estimates& estimates) {
             person.betas = meanBetas(rowsOf(row, wide));
         }
     }
+    if (expressive) person.shape = ShapeSpace::SmplX;
     const glm::dvec3 rest = expressive ? smplxPelvis() : restPelvis();
     // Of a clip's person such files are in camera space, with its axes or with y up.
     estimates.readings = {"in camera space", "in camera space with y up",

@@ -20,6 +20,7 @@
 #include "engine/io/torch_file.h"
 #include "trainer/data/camera.h"
 #include "trainer/data/pose.h"
+#include "trainer/motion/motion.h"
 
 namespace doppel {
 
@@ -72,9 +73,10 @@ struct EstimatedPose {
 };
 
 struct EstimatedPerson {
-    std::string name;                  // as the file calls them, "3"
-    std::vector<EstimatedPose> poses;  // each of another picture, in the clip's order
-    std::optional<Betas> betas;        // of the program's own body: the mean over the poses
+    std::string name;                     // as the file calls them, "3"
+    std::vector<EstimatedPose> poses;     // each of another picture, in the clip's order
+    std::optional<Betas> betas;           // of the program's own body: the mean over the poses
+    ShapeSpace shape = ShapeSpace::Smpl;  // whose betas these are
 };
 
 struct Estimates {

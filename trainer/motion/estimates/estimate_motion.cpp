@@ -45,6 +45,12 @@ Motion motionFromEstimates(const Estimates& estimates) {
     motion.source = path;
     motion.name = fs::absolute(path).lexically_normal().stem().string();
     if (estimates.fps) motion.fps = *estimates.fps;
+    if (person.betas) {
+        motion.betas = *person.betas;
+        motion.shape = person.shape;
+        requireFinite(motion.betas, path.string() + ": betas", motion.betas.size(),
+                      kMostDeviations);
+    }
     motion.note = estimates.program;
     if (estimates.people.size() > 1)
         motion.note += fmt::format(", person {} of {} people, who has most poses", person.name,

@@ -45,6 +45,7 @@ void readGvhmr(EstimateSource& source, Estimates& estimates) {
     const Rows transl = params("smpl_params_incam", "transl", 3, count);
     const Rows intrinsics = field(source, "K_fullimg", "", 9, count);
     person.betas = meanBetas(params("smpl_params_incam", "betas", 10, count));
+    person.shape = ShapeSpace::SmplX;
     for (size_t i = 0; i < count; ++i) {
         const auto k = intrinsics[i];
         if (!(k[0] > 0) || !(k[4] > 0))

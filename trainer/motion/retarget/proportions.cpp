@@ -170,6 +170,46 @@ Proportions proportionsOf(const BodyModel& model, const Betas& betas) {
     return body;
 }
 
+Proportions withJoints(Proportions body, const std::array<glm::dvec3, joint::kCount>& rest) {
+    const auto& before = body.rest;
+    const auto moved = [&](size_t joint) { return rest[joint] - before[joint]; };
+    // From a joint to the next, and beyond it where the capsule goes further.
+    const auto along = [&](Capsule& capsule, size_t end) {
+        const double longer = glm::distance(rest[end], rest[capsule.joint]) /
+                              glm::distance(before[end], before[capsule.joint]);
+        capsule.to = rest[capsule.joint] + longer * (capsule.to - capsule.from);
+        capsule.from = rest[capsule.joint];
+    };
+    const double bottom = before[kLeftHip].y, top = before[kLeftShoulder].y;
+    for (Capsule& level : body.trunk) {
+        const double share = std::clamp((level.from.y - bottom) / (top - bottom), 0., 1.);
+        const double wider = glm::mix(rest[kLeftHip].x / before[kLeftHip].x,
+                                      rest[kLeftShoulder].x / before[kLeftShoulder].x, share);
+        const glm::dvec3 move = glm::mix(moved(kLeftHip), moved(kLeftShoulder), share);
+        for (glm::dvec3* end : {&level.from, &level.to}) {
+            end->x *= wider;
+            end->y += move.y;
+            end->z += move.z;
+        }
+    }
+    body.head.from += moved(joint::kHead);
+    body.head.to += moved(joint::kHead);
+    for (size_t side : {0, 1}) {
+        along(body.thighs[side], kLeftKnee + side);
+        along(body.shins[side], kLeftAnkle + side);
+        along(body.feet[side], joint::kLeftFoot + side);
+        along(body.forearms[side], kLeftWrist + side);
+        along(body.hands[side], joint::kLeftHand + side);
+        const glm::dvec3 ankle = moved(kLeftAnkle + side), toes = moved(joint::kLeftFoot + side);
+        Sole& sole = body.soles[side];
+        sole.heel += ankle;
+        sole.toe += toes;
+        for (Sole::Point& point : sole.points) point.place += glm::mix(ankle, toes, point.toes);
+    }
+    body.rest = rest;
+    return body;
+}
+
 PlacedJoints placed(const Proportions& body, const JointPose& pose) {
     PlacedJoints joints;
     for (size_t j = 0; j < joint::kCount; ++j) {

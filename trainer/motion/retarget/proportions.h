@@ -46,6 +46,9 @@ struct Proportions {
 // The body of this shape, with its offsets where it has them.
 Proportions proportionsOf(const BodyModel& body, const Betas& betas);
 
+// The body with its joints there: limbs, trunk, head and soles go along, as thick as they were.
+Proportions withJoints(Proportions body, const std::array<glm::dvec3, joint::kCount>& rest);
+
 // A pose of joints in a space whose y points up and whose ground is y = 0.
 struct JointPose {
     std::array<glm::dquat, joint::kCount> local;  // relative to the parent; the pelvis's is global

@@ -7,7 +7,7 @@
 #include "trainer/motion/retarget/feet.h"
 #include "trainer/motion/retarget/girth.h"
 #include "trainer/motion/retarget/ground.h"
-#include "trainer/motion/retarget/limb.h"
+#include "trainer/motion/retarget/hands.h"
 
 namespace doppel {
 
@@ -42,31 +42,33 @@ bool alike(const Proportions& one, const Proportions& other) {
     return true;
 }
 
-// Towards an arm's whole length the last twenty-fifth is taken ever more slowly, so that an elbow
-// does not snap straight where the goal goes out of reach.
-double withinReach(double distance, double length) {
-    const double most = .998 * length, soft = .96 * length;
-    if (distance <= soft) return distance;
-    return soft + (most - soft) * (1 - std::exp(-(distance - soft) / (most - soft)));
+// Of the frames that two lists of contacts have, those in which any of the four flags differs.
+double shareOfOthers(std::span<const FootContacts> one, std::span<const FootContacts> other) {
+    double frames = 0;
+    for (size_t f = 0; f < one.size(); ++f) frames += one[f] != other[f];
+    return one.empty() ? 0 : frames / static_cast<double>(one.size());
 }
 
-void reachInSpace(const Proportions& source, std::span<const JointPose> sourcePoses,
-                  const Proportions& target, std::vector<JointPose>& poses) {
-    for (size_t f = 0; f < poses.size(); ++f) {
-        const PlacedJoints theirs = placed(source, sourcePoses[f]);
-        const PlacedJoints ours = placed(target, poses[f]);
-        for (size_t side : {0, 1}) {
-            const Limb arm = armOf(side);
-            glm::dvec3 goal = theirs.place[joint::kLeftHand + side] +
-                              kAcross * (ours.place[kPelvis] - theirs.place[kPelvis]);
-            goal -= ours.place[joint::kLeftHand + side] - ours.place[arm.end];
-            const glm::dvec3 root = ours.place[arm.root];
-            const double far = glm::distance(goal, root);
-            if (far < 1e-6) continue;
-            goal = root + (goal - root) * (withinReach(far, lengthOf(target, arm)) / far);
-            reach(target, arm, goal, poses[f]);
-        }
-    }
+// SMPL's own mesh, whatever its file is called, says whose coefficients its are.
+bool isSmpl(const BodyModel& body) {
+    return body.modelVertices == 6890 && body.modelFaces == 13776;
+}
+
+// Coefficients that mean something else to the avatar's body count for nothing, and `remark` says
+// so.
+Betas betasFor(const BodyModel& body, const Motion& motion, std::string& remark) {
+    const bool meant =
+        motion.shape == ShapeSpace::Body || (motion.shape == ShapeSpace::Smpl && isSmpl(body));
+    if (meant || motion.betas == Betas{}) return motion.betas;
+    remark = fmt::format(
+        "its shape coefficients are {}'s, which mean something else to the avatar's body, and are "
+        "left out",
+        motion.shape == ShapeSpace::Smpl ? "SMPL" : "SMPL-X");
+    return {};
+}
+
+std::string joined(const std::string& one, const std::string& other) {
+    return one.empty() || other.empty() ? one + other : one + "; " + other;
 }
 
 }  // namespace
@@ -84,7 +86,7 @@ RetargetFigures figuresOf(const Proportions& source, std::span<const JointPose> 
     CHECK(sourcePoses.size() == frames && contacts.size() == frames, "the same frames");
     const auto places = contactPlaces(poses, body);
     RetargetFigures figures;
-    double slides = 0, heights = 0, accelerations = 0;
+    double slides = 0, heights = 0, accelerations = 0, touches = 0;
     std::vector<PlacedJoints> joints;
     for (const JointPose& pose : poses) joints.push_back(placed(body, pose));
     for (size_t f = 0; f < frames; ++f) {
@@ -101,6 +103,10 @@ RetargetFigures figuresOf(const Proportions& source, std::span<const JointPose> 
         figures.sunk += std::max(0., -low);
         figures.deepest = std::max(figures.deepest, -low);
         figures.overlap += excessDepth(source, sourcePoses[f], body, poses[f]);
+        if (const double off = touchError(source, sourcePoses[f], body, poses[f]); off >= 0) {
+            figures.touch += off;
+            ++touches;
+        }
         if (f == 0 || f + 1 == frames) continue;
         for (size_t j = 0; j < joint::kCount; ++j) {
             const double acceleration =
@@ -120,6 +126,8 @@ RetargetFigures figuresOf(const Proportions& source, std::span<const JointPose> 
     figures.sunk = mean(figures.sunk, double(frames), 1000);
     figures.deepest *= 1000;
     figures.overlap = mean(figures.overlap, double(frames), 1000);
+    figures.touch = mean(figures.touch, touches, 1000);
+    figures.wrongContacts = 100 * shareOfOthers(contacts, findContacts(poses, body, fps));
     figures.acceleration = mean(figures.acceleration, accelerations, 1);
     return figures;
 }
@@ -152,7 +160,10 @@ Retargeted retarget(const Motion& motion, const Proportions& source, const Propo
     standOnGround(source, theirs, result.contacts, target, poses);
     result.stays =
         keepFeet(source, theirs, result.contacts, options.contacts.has_value(), target, poses, fps);
-    if (options.reach == Reach::Space) reachInSpace(source, theirs, target, poses);
+    if (options.reach == Reach::Space)
+        reachInSpace(source, theirs, options.size, target, poses);
+    else
+        touchAsTheSource(source, theirs, target, poses, fps);
     clearArms(source, theirs, target, poses, fps);
 
     result.source = figuresOf(source, theirs, source, theirs, result.contacts, fps);
@@ -173,22 +184,30 @@ Retargeted retargetTo(const RetargetTarget& target, Motion motion,
     options.reach = reachNamed(settings.reach);
     if (!settings.contacts.empty())
         options.contacts = readContacts(settings.contacts, motion.size());
-    const auto asItIs = [&](std::string why) {
+    std::string remark;
+    const auto asItIs = [&] {
         result.motion = std::move(motion);
-        result.summary = std::move(why);
-        return std::move(result);
+        result.summary = remark;
+        return result;
     };
-    if (!settings.on) return asItIs("");
+    if (!settings.on) return asItIs();
     const bool asked = options.contacts || options.reach == Reach::Space;
-    const bool shaped = motion.betas != Betas{};
-    if (!asked && shaped && motion.betas == target.betas) return asItIs("");
-    if (!asked && target.learntFromIt) return asItIs("");
+    const Betas betas = betasFor(target.body, motion, remark);
+    const bool shaped = betas != Betas{};
+    if (!asked && shaped && betas == target.betas) return asItIs();
+    if (!asked && target.learntFromIt) return asItIs();
     BodyModel model = target.body;
-    if (motion.betas != target.betas || !shaped) model.offsets.clear();
-    const Proportions theirs = proportionsOf(model, motion.betas),
-                      ours = proportionsOf(target.body, target.betas);
-    if (!asked && alike(theirs, ours)) return asItIs("");
-    return retarget(motion, theirs, ours, options);
+    if (betas != target.betas || !shaped) model.offsets.clear();
+    Proportions theirs = proportionsOf(model, betas);
+    const Proportions ours = proportionsOf(target.body, target.betas);
+    if (motion.skeleton) {
+        theirs = withJoints(std::move(theirs), motion.skeleton->rest);
+        options.size = motion.skeleton->size;
+    }
+    if (!asked && alike(theirs, ours)) return asItIs();
+    result = retarget(motion, theirs, ours, options);
+    result.summary = joined(result.summary, remark);
+    return result;
 }
 
 }  // namespace doppel

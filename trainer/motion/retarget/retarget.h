@@ -21,27 +21,31 @@
 
 namespace doppel {
 
-// Where hands go. Proportion: where the source's rotations take them. Space: the knuckles are as
-// high above the ground, and as far from the root across it, as the source's, in metres that are
-// not scaled, for what they reach for is as large as it was; within the arm's length.
+// Where hands go (hands.h). Proportion: where the source's rotations take them, and what they touch
+// of each other and of the body, they touch. Space: the knuckles are as high above the ground, and
+// as far from the root across it, as the source's, in metres that are not scaled, for what they
+// reach for is as large as it was; within the arm's length.
 enum class Reach { Proportion, Space };
 // "proportion", "space"; InputError naming --reach otherwise.
 Reach reachNamed(std::string_view word);
 
 // Of a motion on one body. Means over frames, or over what is named.
 struct RetargetFigures {
-    double slide = 0;         // mm per frame that contact points move across the ground in contact
-    double height = 0;        // mm that contact points are above or below the ground in contact
-    double sunk = 0;          // mm that the lowest point of the soles is below the ground
-    double deepest = 0;       // mm, of all frames
-    double overlap = 0;       // mm of excessDepth()
-    double acceleration = 0;  // m/s^2, of all joints
-    double sharpest = 0;      // m/s^2, the largest acceleration of a joint in a frame
+    double slide = 0;    // mm per frame that contact points move across the ground in contact
+    double height = 0;   // mm that contact points are above or below the ground in contact
+    double sunk = 0;     // mm that the lowest point of the soles is below the ground
+    double deepest = 0;  // mm, of all frames
+    double overlap = 0;  // mm of excessDepth()
+    double touch = 0;    // mm of touchError(), of the frames in which the source's hands touch
+    double wrongContacts = 0;  // % of frames in which other points of the feet stand than should
+    double acceleration = 0;   // m/s^2, of all joints
+    double sharpest = 0;       // m/s^2, the largest acceleration of a joint in a frame
 };
 
 struct RetargetOptions {
     Reach reach = Reach::Proportion;
     std::optional<std::vector<FootContacts>> contacts;  // else they are found
+    double size = 1;  // of the world's metres in one of the motion's, for Reach::Space
 };
 
 struct Retargeted {
@@ -64,7 +68,7 @@ struct Retargeted {
 // far apart as the foot is long; feet are moved there, back within .2 s before and after; soles
 // below the ground are lifted; the root goes up and down so that the knees bend as they did, and
 // down where a foot is out of reach; the legs follow by inverse kinematics, feet turned as the
-// source's; arms as `reach` says; forearms and hands leave the body (girth.h).
+// source's; hands as `reach` says; forearms and hands leave the body (girth.h).
 Retargeted retarget(const Motion& motion, const Proportions& source, const Proportions& target,
                     const RetargetOptions& options = {});
 
@@ -89,7 +93,9 @@ struct RetargetSettings {
 };
 
 // The whole motion for that body, before frames are chosen of it. The source's body is the target's
-// model in the motion's own shape, without the target's offsets. The motion stays to the last bit
+// model in the motion's own shape, without the target's offsets, and with the joints of the
+// motion's skeleton where it has one; coefficients of another model are left out, and the summary
+// says so. The motion stays to the last bit
 // where that is off, where it is of the same person (the same shape, or the frames that the target
 // was learnt from), and where nothing distinguishes the bodies.
 //
