@@ -22,6 +22,7 @@
 #include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/export.h"
 #include "trainer/avatar/formats/model_files.h"
+#include "trainer/motion/retarget/proportions.h"
 #include "trainer/motion/session.h"
 #include "trainer/motion/skeleton_motion.h"
 #include "trainer/motion/upright.h"
@@ -191,6 +192,40 @@ TEST(Formats, JsonSaysAll) {
         if (f == 0) offset = place[20] - wrist;
         EXPECT_LT(glm::length(place[20] - wrist - offset), 1e-4) << f;
     }
+}
+
+TEST(Formats, JsonComesBackToTheSameJoints) {
+    Folder folder;
+    const Avatar avatar = plainAvatar();
+    const Motion motion = walk();
+    for (const auto names :
+         {JointNames::Smpl, JointNames::Vrm, JointNames::Mixamo, JointNames::Unreal}) {
+        exportAvatar(testDevice(), avatar, folder / "a.json", &motion, {.names = names});
+        const Motion back = readMotion(folder / "a.json");
+        ASSERT_EQ(back.size(), motion.size());
+        EXPECT_EQ(back.fps, 24);
+        EXPECT_LT(worstMillimetres(back, motion, {0, 1, 0, 0}), 1);
+    }
+    // Of a body of another shape the bones say whose it is.
+    exportAvatar(testDevice(), plainAvatar({2}), folder / "tall.json", &motion);
+    const Motion tall = readMotion(folder / "tall.json");
+    ASSERT_TRUE(tall.skeleton);
+    EXPECT_NEAR(
+        tall.skeleton->size,
+        proportionsOf(avatar.body, {2}).legLength() / proportionsOf(avatar.body, {}).legLength(),
+        .01);
+    const auto refusal = [&](const std::string& text) {
+        folder.write("b.json", text);
+        return messageOf<InputError>([&] { readMotion(folder / "b.json"); });
+    };
+    const std::string where = (folder / "b.json").string();
+    EXPECT_EQ(refusal(R"({"joints": 3})"), where + ": joints: expected a list, found number");
+    EXPECT_EQ(refusal(R"({"joints": ["a", "b"], "parents": [-1], "rest": []})"),
+              where + ": parents: expected 2 of them, found 1");
+    EXPECT_EQ(refusal(R"({"joints": ["a"], "parents": [5], "rest": [[0, 0, 0]]})"),
+              where +
+                  ": parents: expected -1 for the first joint and for each other one an earlier "
+                  "joint, found 5 for joint 0");
 }
 
 tinygltf::Model load(const fs::path& path) {
