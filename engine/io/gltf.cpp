@@ -190,36 +190,74 @@ void addMaterial(tinygltf::Model& model, const GltfScene& scene) {
     model.materials.push_back(std::move(material));
 }
 
-void addMesh(tinygltf::Model& model, const GltfScene& scene) {
-    std::vector<uint16_t> joints = scene.joints;
-    std::vector<float> weights = scene.weights;
+// Where a part's vertices and indices are in the scene's.
+struct Range {
+    std::string name;
+    size_t firstVertex, vertices, firstIndex, indices;
+
+    template <typename T>
+    std::span<const T> of(const std::vector<T>& rows, size_t width) const {
+        return std::span(rows).subspan(width * firstVertex, width * vertices);
+    }
+};
+
+std::vector<Range> rangesOf(const GltfScene& scene) {
+    const size_t vertices = scene.positions.size() / 3;
+    if (scene.parts.empty()) return {{scene.name, 0, vertices, 0, scene.indices.size()}};
+    std::vector<Range> ranges;
+    for (size_t i = 0; i < scene.parts.size(); ++i) {
+        const GltfPart& part = scene.parts[i];
+        const bool last = i + 1 == scene.parts.size();
+        ranges.push_back(
+            {part.name, part.firstVertex,
+             (last ? vertices : scene.parts[i + 1].firstVertex) - part.firstVertex, part.firstIndex,
+             (last ? scene.indices.size() : scene.parts[i + 1].firstIndex) - part.firstIndex});
+    }
+    return ranges;
+}
+
+int addIndices(tinygltf::Model& model, const GltfScene& scene, const Range& range) {
+    std::vector<uint32_t> indices(
+        scene.indices.begin() + std::ptrdiff_t(range.firstIndex),
+        scene.indices.begin() + std::ptrdiff_t(range.firstIndex + range.indices));
+    for (uint32_t& index : indices) {
+        CHECK(index >= range.firstVertex && index - range.firstVertex < range.vertices,
+              "a part's triangles have its own vertices");
+        index -= static_cast<uint32_t>(range.firstVertex);
+    }
+    constexpr int kIndices = TINYGLTF_TARGET_ELEMENT_ARRAY_BUFFER;
+    if (range.vertices >= 65535)
+        return addAccessor<uint32_t>(model, indices, 1, TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT,
+                                     TINYGLTF_TYPE_SCALAR, kIndices);
+    const std::vector<uint16_t> small(indices.begin(), indices.end());
+    return addAccessor<uint16_t>(model, small, 1, TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT,
+                                 TINYGLTF_TYPE_SCALAR, kIndices);
+}
+
+void addMesh(tinygltf::Model& model, const GltfScene& scene, const Range& range) {
+    const auto own = [](const auto& span) { return std::vector(span.begin(), span.end()); };
+    auto joints = own(range.of(scene.joints, 4));
+    auto weights = own(range.of(scene.weights, 4));
     normalizeWeights(joints, weights);
     constexpr int kVertices = TINYGLTF_TARGET_ARRAY_BUFFER;
     tinygltf::Primitive primitive;
     primitive.mode = TINYGLTF_MODE_TRIANGLES;
     primitive.material = 0;
-    primitive.attributes["POSITION"] = addFloats(model, scene.positions, 3, kVertices, true);
-    primitive.attributes["NORMAL"] = addFloats(model, unitNormals(scene.normals), 3, kVertices);
-    primitive.attributes["TEXCOORD_0"] = addFloats(model, scene.uvs, 2, kVertices);
+    primitive.attributes["POSITION"] =
+        addFloats(model, range.of(scene.positions, 3), 3, kVertices, true);
+    primitive.attributes["NORMAL"] =
+        addFloats(model, unitNormals(own(range.of(scene.normals, 3))), 3, kVertices);
+    primitive.attributes["TEXCOORD_0"] = addFloats(model, range.of(scene.uvs, 2), 2, kVertices);
     primitive.attributes["JOINTS_0"] = addAccessor<uint16_t>(
         model, joints, 4, TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT, TINYGLTF_TYPE_VEC4, kVertices);
     primitive.attributes["WEIGHTS_0"] = addFloats(model, weights, 4, kVertices);
-    if (scene.positions.size() / 3 < 65535) {
-        const std::vector<uint16_t> small(scene.indices.begin(), scene.indices.end());
-        primitive.indices =
-            addAccessor<uint16_t>(model, small, 1, TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT,
-                                  TINYGLTF_TYPE_SCALAR, TINYGLTF_TARGET_ELEMENT_ARRAY_BUFFER);
-    } else {
-        primitive.indices =
-            addAccessor<uint32_t>(model, scene.indices, 1, TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT,
-                                  TINYGLTF_TYPE_SCALAR, TINYGLTF_TARGET_ELEMENT_ARRAY_BUFFER);
-    }
+    primitive.indices = addIndices(model, scene, range);
     tinygltf::Mesh mesh;
-    mesh.name = scene.name;
+    mesh.name = range.name;
     tinygltf::Value::Array names;
     for (const GltfMorph& morph : scene.morphs) {
         primitive.targets.push_back(
-            {{"POSITION", addFloats(model, morph.positions, 3, kVertices, true)}});
+            {{"POSITION", addFloats(model, range.of(morph.positions, 3), 3, kVertices, true)}});
         mesh.weights.push_back(0);
         names.emplace_back(morph.name);
     }
@@ -230,13 +268,17 @@ void addMesh(tinygltf::Model& model, const GltfScene& scene) {
     model.meshes.push_back(std::move(mesh));
 }
 
-// Node 0 is the mesh, node j + 1 is joint j.
+tinygltf::Node meshNode(const std::string& name, size_t mesh) {
+    tinygltf::Node node;
+    node.name = name;
+    node.mesh = static_cast<int>(mesh);
+    node.skin = 0;
+    return node;
+}
+
+// Node 0 is the first mesh, node j + 1 is joint j, further meshes come behind.
 void addSkeleton(tinygltf::Model& model, const GltfScene& scene) {
-    tinygltf::Node meshNode;
-    meshNode.name = scene.name;
-    meshNode.mesh = 0;
-    meshNode.skin = 0;
-    model.nodes.push_back(std::move(meshNode));
+    model.nodes.push_back(meshNode(model.meshes[0].name, 0));
     tinygltf::Skin skin;
     skin.name = scene.name;
     std::vector<float> inverseBind;
@@ -265,35 +307,12 @@ void addSkeleton(tinygltf::Model& model, const GltfScene& scene) {
     tinygltf::Scene gltfScene;
     gltfScene.name = scene.name;
     gltfScene.nodes = {0, 1};
+    for (size_t mesh = 1; mesh < model.meshes.size(); ++mesh) {
+        gltfScene.nodes.push_back(static_cast<int>(model.nodes.size()));
+        model.nodes.push_back(meshNode(model.meshes[mesh].name, mesh));
+    }
     model.scenes.push_back(std::move(gltfScene));
     model.defaultScene = 0;
-}
-
-// https://github.com/vrm-c/vrm-specification, VRMC_vrm-1.0
-void addVrm(tinygltf::Model& model, const GltfVrm& vrm) {
-    using Value = tinygltf::Value;
-    Value::Object bones;
-    for (const auto& [bone, joint] : vrm.bones)
-        bones[bone] = Value(Value::Object{{"node", Value(static_cast<int>(joint) + 1)}});
-    Value::Object meta{{"name", Value(vrm.name)},
-                       {"version", Value(std::string("1"))},
-                       {"authors", Value(Value::Array{Value(vrm.author)})},
-                       {"licenseUrl", Value(std::string("https://vrm.dev/licenses/1.0/"))},
-                       {"avatarPermission", Value(std::string("onlyAuthor"))},
-                       {"allowExcessivelyViolentUsage", Value(false)},
-                       {"allowExcessivelySexualUsage", Value(false)},
-                       {"commercialUsage", Value(std::string("personalNonProfit"))},
-                       {"allowPoliticalOrReligiousUsage", Value(false)},
-                       {"allowAntisocialOrHateUsage", Value(false)},
-                       {"creditNotation", Value(std::string("required"))},
-                       {"allowRedistribution", Value(false)},
-                       {"modification", Value(std::string("prohibited"))}};
-    if (!vrm.licence.empty()) meta["otherLicenseUrl"] = Value(vrm.licence);
-    model.extensions["VRMC_vrm"] =
-        Value(Value::Object{{"specVersion", Value(std::string("1.0"))},
-                            {"meta", Value(meta)},
-                            {"humanoid", Value(Value::Object{{"humanBones", Value(bones)}})}});
-    model.extensionsUsed.push_back("VRMC_vrm");
 }
 
 void addAnimation(tinygltf::Model& model, const GltfScene& scene, const GltfAnimation& source) {
@@ -405,7 +424,7 @@ void writeGlb(const std::filesystem::path& path, const GltfScene& scene) {
     model.asset.generator = "Doppel";
     model.buffers.resize(1);
     addMaterial(model, scene);
-    addMesh(model, scene);
+    for (const Range& range : rangesOf(scene)) addMesh(model, scene, range);
     addSkeleton(model, scene);
     if (scene.animation) addAnimation(model, scene, *scene.animation);
     for (const GltfAnimation& animation : scene.furtherAnimations)

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "engine/io/image.h"
+#include "engine/io/vrm/vrm.h"
 
 namespace doppel {
 
@@ -36,12 +37,11 @@ struct GltfMorph {
     std::vector<float> positions;  // [V, 3], metres, added to the rest pose at a share of 1
 };
 
-// What makes the file a VRM 1.0 avatar (VRMC_vrm).
-struct GltfVrm {
-    std::string name, author;
-    std::string licence;  // a page's address, beside VRM's own licence; may be empty
-    // Which joints are VRM's bones: "leftUpperLeg" and the joint's number.
-    std::vector<std::pair<std::string, size_t>> bones;
+// A mesh of its own: the vertices and indices from these on, up to the next part's. Its triangles
+// have no vertices of other parts.
+struct GltfPart {
+    std::string name;
+    size_t firstVertex = 0, firstIndex = 0;
 };
 
 // Model space: metres, y up, facing +z. Vertices are split along the seams of the atlas: one UV
@@ -54,15 +54,15 @@ struct GltfScene {
     std::vector<uint16_t> joints;   // [V, 4], the joints that move a vertex
     std::vector<float> weights;     // [V, 4], ≥ 0; the writer makes them sum to 1
     std::vector<uint32_t> indices;  // [F, 3], counter-clockwise from outside
+    std::vector<GltfPart> parts;    // the first one from 0, 0; none: all is one, the scene's name
     std::vector<GltfJoint> skeleton;
-    Image baseColor;    // 3 or 4 channels; empty: plain white
-    bool unlit = true;  // KHR_materials_unlit: the texture holds the light of the capture
+    Image baseColor;  // 3 or 4 channels; empty: plain white
+    bool unlit =
+        true;  // KHR_materials_unlit: the texture is seen as it is, whatever lights there are
     bool doubleSided = false;
     std::optional<GltfAnimation> animation;
     std::vector<GltfAnimation> furtherAnimations;  // after the first; of glTF only
     std::vector<GltfMorph> morphs;
-    // Such a file says that only its author may wear the avatar, and that it may be neither sold,
-    // changed nor passed on: it shows a person.
     std::optional<GltfVrm> vrm;
 };
 

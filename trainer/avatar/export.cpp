@@ -12,8 +12,10 @@
 #include "nn/body/body.h"
 #include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/bake.h"
+#include "trainer/avatar/formats/mesh_parts.h"
 #include "trainer/avatar/formats/model_files.h"
 #include "trainer/avatar/formats/motion_files.h"
+#include "trainer/avatar/formats/vrm_avatar.h"
 #include "trainer/avatar/rig.h"
 #include "trainer/avatar/sheet.h"
 #include "trainer/data/pose.h"
@@ -153,18 +155,6 @@ std::vector<GltfMorph> shapeMorphs(const BodyModel& body, std::span<const uint32
     return morphs;
 }
 
-GltfVrm vrmOf(const Avatar& avatar, const ExportSettings& settings) {
-    GltfVrm vrm;
-    const auto name = avatar.provenance.find("capture");
-    vrm.name = name != avatar.provenance.end() && !name->second.empty() ? name->second : "avatar";
-    vrm.author = settings.author.empty() ? "unknown" : settings.author;
-    vrm.licence = settings.licence;
-    // Hands end there; fingers are not posed.
-    for (size_t j = 0; j < joint::kLeftHand; ++j)
-        vrm.bones.emplace_back(jointNameFor(JointNames::Vrm, j), j);
-    return vrm;
-}
-
 }  // namespace
 
 GltfScene avatarScene(const Avatar& avatar, std::span<const float> bindVerts, const Motion* motion,
@@ -179,8 +169,11 @@ GltfScene avatarScene(const Avatar& avatar, std::span<const float> bindVerts, co
     const Rig rig(avatar.body, avatar.betas);
     for (const Motion& further : settings.furtherMotions)
         scene.furtherAnimations.push_back(animate(rig, bindVerts, lowest(bindVerts), further));
-    const auto sources = fillMesh(scene, bindVerts, areaNormals(bindVerts, body.faces), body.faces,
-                                  body.uvs, body.uvFaces, body.weights, BodyModel::kJoints);
+    const std::vector<MeshPart> parts = meshParts(body);
+    const auto sources = fillMesh(
+        scene, bindVerts, areaNormals(bindVerts, body.faces), inPartsOrder(body.faces, parts),
+        body.uvs, inPartsOrder(body.uvFaces, parts), body.weights, BodyModel::kJoints);
+    markParts(scene, parts);
     float ground = lowest(bindVerts);
     for (size_t i = 1; i < scene.positions.size(); i += 3) scene.positions[i] -= ground;
     const TextureKind texture = settings.texture;
@@ -191,7 +184,8 @@ GltfScene avatarScene(const Avatar& avatar, std::span<const float> bindVerts, co
     std::vector<float> colours = baked ? avatar.bakedTexture : avatar.texture;
     spreadCharts(texelPlaces(body, size), size, colours);
     scene.baseColor = toImage(colours, size, size);
-    scene.unlit = scene.doubleSided = true;
+    scene.unlit = !settings.lit;
+    scene.doubleSided = true;
     if (settings.shapes) scene.morphs = shapeMorphs(body, sources);
     return scene;
 }
@@ -223,6 +217,15 @@ void requireCarried(const std::filesystem::path& out, const ExportSettings& sett
     require(settings.shapes, "--shapes", vrm || ending == ".glb", ".glb or .vrm");
     require(!settings.author.empty(), "--author", vrm, ".vrm");
     require(!settings.licence.empty(), "--licence", vrm, ".vrm");
+    const VrmPermissions &may = settings.permissions, least;
+    require(may.wearer != least.wearer, "--avatar-permission", vrm, ".vrm");
+    require(may.commercial != least.commercial, "--commercial-usage", vrm, ".vrm");
+    require(may.modification != least.modification, "--modification", vrm, ".vrm");
+    require(may.credit != least.credit, "--credit-notation", vrm, ".vrm");
+    require(may.violence || may.sexual || may.politics || may.hate || may.redistribution, "--allow",
+            vrm, ".vrm");
+    require(settings.lit, "--material lit", vrm || ending == ".glb" || ending == ".usda",
+            ".glb, .vrm or .usda");
     require(settings.names != JointNames::Smpl, "--names", ending != ".obj" && ending != ".npz",
             ".glb, .vrm, .usda, .bvh or .json");
 }
@@ -279,7 +282,12 @@ void exportAvatar(Device& device, const Avatar& avatar, const std::filesystem::p
                 "finite; train stage mesh again",
                 out.string());
     GltfScene scene = avatarScene(avatar, verts, motion, settings);
-    if (ending == ".vrm") scene.vrm = vrmOf(avatar, settings);
+    if (ending == ".vrm") {
+        scene.vrm = vrmOf(avatar, scene);
+        scene.vrm->author = settings.author.empty() ? "unknown" : settings.author;
+        scene.vrm->licence = settings.licence;
+        scene.vrm->permissions = settings.permissions;
+    }
     (ending == ".obj" ? writeObj : ending == ".usda" ? writeUsd : writeGlb)(out, scene);
 }
 

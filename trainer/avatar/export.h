@@ -23,6 +23,8 @@ struct ExportSettings {
     JointNames names = JointNames::Smpl;
     bool shapes = false;          // glTF: a morph target for each shape coefficient
     std::string author, licence;  // of a VRM: who made it, and a licence's address; may be empty
+    VrmPermissions permissions;   // of a VRM
+    bool lit = false;             // glTF, VRM, USD: seen in the light of where it stands
     std::span<const Motion> furtherMotions;  // glTF: more animations, after the motion's
 };
 
@@ -32,6 +34,8 @@ struct ExportSettings {
 // Each motion becomes an animation at the motion's fps in a world with y up (uprightRotation): what
 // faced the camera faces +z, and in the first key the pelvis is above the origin and the lowest
 // vertex on the ground.
+//
+// Hair, a skirt and what else hangs free are meshes of their own (formats/mesh_parts.h).
 //
 // Texels between the charts of the atlas take the colour of the nearest chart, because players
 // average texels where the person is small.

@@ -1,9 +1,12 @@
 #include "trainer/commands/export.h"
 
+#include <algorithm>
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "engine/error.h"
+#include "engine/files/printable.h"
 #include "trainer/avatar/export.h"
 #include "trainer/avatar/formats/model_files.h"
 #include "trainer/avatar/formats/network_files.h"
@@ -82,10 +85,15 @@ void runExport(const ExportOptions& options) {
                    options.frames);
     }
     Device device(options.common.deviceOptions());
-    exportAvatar(
-        device, avatar, out, motion,
-        {texture, jointNamesByWord(options.names, "--names"), options.shapes, options.author,
-         options.licence, std::span<const Motion>(motions).subspan(motion ? 1 : 0)});
+    exportAvatar(device, avatar, out, motion,
+                 {.texture = texture,
+                  .names = jointNamesByWord(options.names, "--names"),
+                  .shapes = options.shapes,
+                  .author = options.author,
+                  .licence = options.licence,
+                  .permissions = options.permissions,
+                  .lit = options.material == "lit",
+                  .furtherMotions = std::span<const Motion>(motions).subspan(motion ? 1 : 0)});
     if (isPage) {
         writeWebPage(folder->folder(), folder->target().filename().string());
         folder->commit();
@@ -123,6 +131,51 @@ void runExport(const ExportOptions& options) {
 
 namespace {
 
+// By VRM's own words, with those that allow least where nothing is said.
+void declarePermissions(CommandFlags& flags, ExportOptions& o) {
+    flags->add_option("--author", o.author, "Of a .vrm: whose avatar it is");
+    flags->add_option("--licence", o.licence,
+                      "Of a .vrm: address of a licence, beside VRM's own with the answers below");
+    VrmPermissions& may = o.permissions;
+    flags->add_option("--avatar-permission", may.wearer, "Of a .vrm: who may wear it")
+        ->capture_default_str()
+        ->check(showsChoices({"onlyAuthor", "onlySeparatelyLicensedPerson", "everyone"}));
+    flags->add_option("--commercial-usage", may.commercial, "Of a .vrm: who may earn by it")
+        ->capture_default_str()
+        ->check(showsChoices({"personalNonProfit", "personalProfit", "corporation"}));
+    flags->add_option("--modification", may.modification, "Of a .vrm: whether it may be changed")
+        ->capture_default_str()
+        ->check(
+            showsChoices({"prohibited", "allowModification", "allowModificationRedistribution"}));
+    flags->add_option("--credit-notation", may.credit, "Of a .vrm: whether to name the author")
+        ->capture_default_str()
+        ->check(showsChoices({"required", "unnecessary"}));
+    flags
+        ->add_option("--allow", o.allowed,
+                     "Of a .vrm: what else the person who is shown consents to, separated by "
+                     "commas: violence, sexual, politics, hate, redistribution")
+        ->delimiter(',');
+}
+
+void takeAllowed(ExportOptions& options) {
+    VrmPermissions& may = options.permissions;
+    const std::pair<const char*, bool*> questions[] = {{"violence", &may.violence},
+                                                       {"sexual", &may.sexual},
+                                                       {"politics", &may.politics},
+                                                       {"hate", &may.hate},
+                                                       {"redistribution", &may.redistribution}};
+    for (const std::string& word : options.allowed) {
+        const auto* found =
+            std::ranges::find(questions, word, [](const auto& q) { return q.first; });
+        if (found == std::end(questions))
+            throwInput(
+                "--allow: expected violence, sexual, politics, hate or redistribution, found "
+                "\"{}\"",
+                printable(word));
+        *found->second = true;
+    }
+}
+
 void declareFlags(CommandFlags& flags, ExportOptions& o) {
     flags.precision();
     flags.path("AVATAR", o.avatar, "Avatar's folder")->required();
@@ -153,10 +206,13 @@ void declareFlags(CommandFlags& flags, ExportOptions& o) {
         ->check(showsChoices({"smpl", "vrm", "mixamo", "unreal"}));
     flags->add_flag("--shapes", o.shapes,
                     "Of .glb, .vrm and --web: a morph target for each shape coefficient");
-    flags->add_option("--author", o.author, "Of a .vrm: whose avatar it is");
-    flags->add_option("--licence", o.licence,
-                      "Of a .vrm: address of a licence; VRM's own says that only the author wears "
-                      "it");
+    flags
+        ->add_option("--material", o.material,
+                     "Of .glb, .vrm, .usda and --web: unlit, seen as the texture is whatever "
+                     "lights there are, or lit by those of the scene")
+        ->capture_default_str()
+        ->check(showsChoices({"unlit", "lit"}));
+    declarePermissions(flags, o);
 }
 
 void checkName(ExportOptions& options) {
@@ -168,12 +224,13 @@ void checkName(ExportOptions& options) {
         throwInput(
             "--out: expected one of --out FILE, --web FOLDER and --networks FOLDER, found {}",
             given.empty() ? "none" : fmt::format("{}", fmt::join(given, " and ")));
+    takeAllowed(options);
     if (!options.networks.empty()) {
-        const std::pair<const char*, bool> others[] = {{"--motion", !options.motions.empty()},
-                                                       {"--frames", !options.frames.empty()},
-                                                       {"--shapes", options.shapes},
-                                                       {"--author", !options.author.empty()},
-                                                       {"--licence", !options.licence.empty()}};
+        const std::pair<const char*, bool> others[] = {
+            {"--motion", !options.motions.empty()}, {"--frames", !options.frames.empty()},
+            {"--shapes", options.shapes},           {"--material lit", options.material == "lit"},
+            {"--allow", !options.allowed.empty()},  {"--author", !options.author.empty()},
+            {"--licence", !options.licence.empty()}};
         for (const auto& [flag, isGiven] : others)
             if (isGiven) throwInput("{}: expected --out or --web, found --networks", flag);
         return;

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/io/vrm/vrm.h"
 #include "trainer/commands/common_options.h"
 #include "trainer/motion/retarget/retarget.h"
 
@@ -21,7 +22,9 @@ struct ExportOptions {
     std::string texture = "best";  // "baked", "coarse" or "best"
     std::string names = "smpl";    // jointNamesByWord
     bool shapes = false;
-    std::string author, licence;
+    std::string author, licence, material = "unlit";
+    VrmPermissions permissions;
+    std::vector<std::string> allowed;  // of a VRM's questions: "violence"
 };
 
 void runExport(const ExportOptions& options);

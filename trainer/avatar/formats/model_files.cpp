@@ -116,6 +116,9 @@ void writeObj(const fs::path& out, const GltfScene& scene) {
     }
     text += "usemtl avatar\n";
     for (size_t i = 0; i < scene.indices.size(); i += 3) {
+        for (const GltfPart& part : scene.parts)
+            if (scene.parts.size() > 1 && part.firstIndex == i)
+                text += fmt::format("g {}\n", part.name);
         text += 'f';
         for (size_t k = 0; k < 3; ++k)
             fmt::format_to(put, " {0}/{0}/{0}", scene.indices[i + k] + 1);
@@ -259,13 +262,15 @@ void writeUsd(const fs::path& out, const GltfScene& scene) {
         "        matrix4d primvars:skel:geomBindTransform = ((1, 0, 0, 0), (0, 1, 0, 0), "
         "(0, 0, 1, 0), (0, 0, 0, 1))\n        rel skel:skeleton = </avatar/skeleton>\n"
         "        rel material:binding = </avatar/material>\n    }\n\n";
+    const char *const texels = ".connect = </avatar/material/texture.outputs:rgb>",
+                      *const none = " = (0, 0, 0)";
     fmt::format_to(
         put,
         "    def Material \"material\"\n    {{\n        token outputs:surface.connect = "
         "</avatar/material/surface.outputs:surface>\n\n        def Shader \"surface\"\n        {{\n"
         "            uniform token info:id = \"UsdPreviewSurface\"\n            color3f "
-        "inputs:diffuseColor = (0, 0, 0)\n            color3f inputs:emissiveColor.connect = "
-        "</avatar/material/texture.outputs:rgb>\n            float inputs:roughness = 1\n"
+        "inputs:diffuseColor{}\n            color3f inputs:emissiveColor{}\n            float "
+        "inputs:roughness = 1\n"
         "            token outputs:surface\n        }}\n\n        def Shader \"texture\"\n        "
         "{{\n"
         "            uniform token info:id = \"UsdUVTexture\"\n            asset inputs:file = "
@@ -277,6 +282,7 @@ void writeUsd(const fs::path& out, const GltfScene& scene) {
         "\"UsdPrimvarReader_float2\"\n            string inputs:varname = \"st\"\n            "
         "float2 "
         "outputs:result\n        }}\n    }}\n}}\n",
+        scene.unlit ? none : texels, scene.unlit ? texels : none,
         usdPath("./" + texture.filename().string()));
     writeTexture(texture, scene);
     file.write(text);

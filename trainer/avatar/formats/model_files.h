@@ -17,9 +17,9 @@ std::vector<std::filesystem::path> companionsOf(const std::filesystem::path& out
 // export wrote: it is somebody else's.
 void writeObj(const std::filesystem::path& out, const GltfScene& scene);
 
-// The mesh with its skeleton (UsdSkel), texture (UsdPreviewSurface, as light of its own) and
-// animation, in FILE.usda and FILE.png; the same about files. Metres, y up. A colon in a joint's
-// name becomes an underscore, for USD's names have none.
+// The mesh with its skeleton (UsdSkel), texture (UsdPreviewSurface, as light of its own where the
+// scene is unlit) and animation, in FILE.usda and FILE.png; the same about files. Metres, y up. A
+// colon in a joint's name becomes an underscore, for USD's names have none.
 void writeUsd(const std::filesystem::path& out, const GltfScene& scene);
 
 }  // namespace doppel
