@@ -5,9 +5,12 @@
 #include <algorithm>
 #include <functional>
 #include <random>
+#include <sstream>
 
+#include "nn/body/mesh_topology.h"
 #include "tests/files.h"
 #include "trainer/avatar/bake.h"
+#include "trainer/commands/cli.h"
 
 namespace doppel {
 namespace {
@@ -206,6 +209,92 @@ TEST(Mix, SkinHasTheColourOfTheHeads) {
     expectColour(meanWhere(mix.avatar, crown), kBlack);
     expectColour(meanWhere(mixAvatars({.base = &ann, .head = &bea, .hair = &ann}).avatar, crown),
                  kBrown);
+}
+
+// Where skin ends, texels of pictures have some of the garment beside it. Of another head's skin
+// they are to be between both, and not darker than either: a line around the neck.
+TEST(Mix, SkinEndsWithoutADarkLine) {
+    Avatar ann = avatarOf(kAnn);
+    const Avatar bea = avatarOf(kBea);
+    const std::vector<TexelPlace> places = texelPlaces(body(), kSize);
+    const auto colourAtCorner = [&](const TexelPlace& place, size_t i) {
+        return kAnn.colours[number(wornAt(kAnn, size_t(body().faces[3 * size_t(place.face) + i])))];
+    };
+    std::vector<size_t> rim;
+    for (size_t t = 0; t < places.size(); ++t) {
+        if (places[t].face < 0) continue;
+        size_t skin = 0, top = 0;
+        for (size_t i = 0; i < 3; ++i) {
+            const auto v = size_t(body().faces[3 * size_t(places[t].face) + i]);
+            skin += wornAt(kAnn, v) == Garment::Skin;
+            top += wornAt(kAnn, v) == Garment::Top;
+        }
+        if (skin == 0 || top == 0) continue;
+        rim.push_back(t);
+        for (size_t c = 0; c < 3; ++c) {
+            float sum = 0;
+            for (size_t i = 0; i < 3; ++i)
+                sum += places[t].corners[i] * colourAtCorner(places[t], i)[c];
+            ann.texture[3 * t + c] = sum;
+        }
+    }
+    ASSERT_GT(rim.size(), 100u);
+    const Mix mix = mixAvatars({.base = &ann, .head = &bea});
+    const auto light = [](const auto* c) {
+        return .2126 * double(c[0]) + .7152 * double(c[1]) + .0722 * double(c[2]);
+    };
+    const double darkest = std::min(light(kDark.data()), light(kBlue.data()));
+    double deepest = 0;
+    for (const size_t t : rim)
+        deepest = std::max(deepest, darkest - light(&mix.avatar.texture[3 * t]));
+    EXPECT_LT(deepest, .06);
+}
+
+TEST(Mix, HandsAreWhoseTheyAre) {
+    const Avatar ann = avatarOf(kAnn), bea = avatarOf(kBea, .01f);
+    const Mix mix = mixAvatars({.base = &ann, .hands = &bea});
+    const auto hands = movedBy({joint::kLeftHand, joint::kRightHand});
+    const auto chest = movedBy({joint::kSpine2, joint::kSpine3});
+    expectColour(meanWhere(mix.avatar, hands), kPale);  // as the face is
+    for (size_t v = 0; v < size_t(body().vertexCount); ++v) {
+        const float forward = mix.avatar.body.offsets[3 * v + 2];
+        if (hands(v)) {
+            EXPECT_NEAR(forward, .01f, 1e-4f);
+        } else if (chest(v)) {
+            EXPECT_NEAR(forward, 0, 1e-4f);
+        }
+    }
+    EXPECT_GT(mix.given[6], .02);
+    EXPECT_LT(mix.given[6], .3);
+}
+
+// From the command line, with folders: what each gives, and the seam at the waist and the ankles.
+TEST(Mix, IsACommand) {
+    test::Folder folder;
+    writeAvatar(folder / "ann", avatarOf(kAnn));
+    writeAvatar(folder / "bea", avatarOf(kBea, .01f));
+    std::ostringstream out, err;
+    ASSERT_EQ(
+        runCommandLine({"mix", (folder / "ann").string(), "--bottom", (folder / "bea").string(),
+                        "--shoes", (folder / "bea").string(), "--out", (folder / "mixed").string()},
+                       out, err),
+        0)
+        << err.str();
+    const Avatar mixed = readAvatar(folder / "mixed");
+    expectColour(meanWhere(mixed, movedBy({joint::kLeftKnee, joint::kRightKnee})), kGreen);
+    expectColour(meanWhere(mixed, movedBy({joint::kLeftFoot, joint::kRightFoot})), kGrey);
+    expectColour(meanWhere(mixed, movedBy({joint::kSpine2, joint::kSpine3})), kBlue);
+    // Neighbours go over into each other: no edge tears where one surface is a centimetre before
+    // the other.
+    const MeshTopology mesh = meshTopology(body().faces, body().vertexCount, "body");
+    double steepest = 0;
+    for (size_t e = 0; e < mesh.edges.size() / 2; ++e) {
+        const auto a = size_t(mesh.edges[2 * e]), b = size_t(mesh.edges[2 * e + 1]);
+        steepest = std::max(steepest, std::abs(double(mixed.body.offsets[3 * a + 2]) -
+                                               double(mixed.body.offsets[3 * b + 2])));
+    }
+    EXPECT_GT(steepest, 1e-4);
+    EXPECT_LT(steepest, .006);
 }
 
 TEST(Mix, WhatHairCoveredTakesAfterTheGarmentAround) {

@@ -19,7 +19,7 @@ namespace {
 
 struct MixOptions {
     CommonOptions common;
-    std::filesystem::path base, head, hair, top, bottom, shoes, shape, out;
+    std::filesystem::path base, head, hair, top, bottom, shoes, hands, shape, out;
 };
 
 // What an avatar is given by others.
@@ -28,13 +28,14 @@ struct Part {
     std::filesystem::path MixOptions::*folder;
     const Avatar* MixParts::*giver;
 };
-constexpr std::array<Part, 6> kParts = {{
+constexpr std::array<Part, 7> kParts = {{
     {"head", "--head", "Whose face, ears and neck, and whose skin's colour; with the hair",
      &MixOptions::head, &MixParts::head},
     {"hair", "--hair", "Whose hair", &MixOptions::hair, &MixParts::hair},
     {"top", "--top", "Whose shirt, blouse or jacket", &MixOptions::top, &MixParts::top},
     {"bottom", "--bottom", "Whose trousers or skirt", &MixOptions::bottom, &MixParts::bottom},
     {"shoes", "--shoes", "Whose shoes", &MixOptions::shoes, &MixParts::shoes},
+    {"hands", "--hands", "Whose hands", &MixOptions::hands, &MixParts::hands},
     {"shape", "--shape", "Whose body under the clothes", &MixOptions::shape, &MixParts::shape},
 }};
 
@@ -128,7 +129,7 @@ const Command<MixOptions> kMix{{
                 if (!(o.*part.folder).empty()) return;
             throwInput(
                 "mix: expected who gives something: --head, --hair, --top, --bottom, "
-                "--shoes or --shape, found none");
+                "--shoes, --hands or --shape, found none");
         },
     .run = runMix,
 }};

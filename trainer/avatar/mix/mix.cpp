@@ -42,11 +42,22 @@ struct Giver {
 
     glm::dvec3 at(const glm::dvec2& uv) const { return colourAt(*texture, size, uv); }
 
+    // How much of a texel is skin by its colour, whatever its light: where skin ends, texels have
+    // some of what lies beside it, and that part keeps its colour. As all skin, the blue of a
+    // collar would become black.
+    double skinIn(const glm::dvec3& lab) const {
+        constexpr double kSame = 3, kOther = 9;  // of the spread
+        const double off = std::hypot((lab.y - from.middle.y) / from.spread.y,
+                                      (lab.z - from.middle.z) / from.spread.z);
+        return std::clamp((kOther - off) / (kOther - kSame), 0., 1.);
+    }
+
     // skin: how much of the place is skin, 0 to 1.
     glm::dvec3 matched(const glm::dvec3& colour, double skin) const {
         if (skin <= 0 || !recoloured) return colour;
         constexpr double kMostChange = 2;  // of the spread
         const glm::dvec3 lab = labOf(colour);
+        skin *= skinIn(lab);
         const glm::dvec3 scale = glm::clamp(to.spread / from.spread, 1 / kMostChange, kMostChange);
         return srgbOf(glm::mix(lab, to.middle + (lab - from.middle) * scale, skin));
     }
@@ -112,14 +123,15 @@ public:
           vertices_(size_t(body_.vertexCount)),
           around_(meshTopology(body_.faces, body_.vertexCount, body_.file).adjacency),
           worn_(vertices_),
-          onHead_(vertices_) {
+          onHead_(vertices_),
+          onHands_(vertices_) {
         base_ = giverOf(parts.base);
         auto partOf = [&](const Avatar* avatar, size_t fallback) {
             return avatar ? giverOf(avatar) : fallback;
         };
         head_ = partOf(parts.head, base_), hair_ = partOf(parts.hair, head_);
         top_ = partOf(parts.top, base_), bottom_ = partOf(parts.bottom, base_);
-        shoes_ = partOf(parts.shoes, base_);
+        shoes_ = partOf(parts.shoes, base_), hands_ = partOf(parts.hands, base_);
         if (parts.shape) requireOneBody(*parts.base, *parts.shape);
     }
 
@@ -172,6 +184,9 @@ private:
         for (size_t v = 0; v < vertices_; ++v) {
             const float* weights = &body_.weights[v * joint::kCount];
             onHead_[v] = body_.face[v] || weights[joint::kHead] + weights[joint::kNeck] > .5f;
+            onHands_[v] = weights[joint::kLeftWrist] + weights[joint::kLeftHand] +
+                              weights[joint::kRightWrist] + weights[joint::kRightHand] >
+                          .5f;
             auto take = [&](Garment garment, std::initializer_list<size_t> from) {
                 for (size_t k : from)
                     if (worn_[v].giver == kNobody && givers_[k].wears(garment, v))
@@ -183,6 +198,8 @@ private:
             take(Garment::Bottom, {bottom_});
             if (onHead_[v])
                 take(Garment::Skin, {head_, hair_, base_, top_});
+            else if (onHands_[v])
+                take(Garment::Skin, {hands_, base_, top_, head_});
             else
                 take(Garment::Skin, {base_, top_, bottom_, shoes_, head_});
         }
@@ -250,19 +267,21 @@ private:
     }
 
     void tell(Mix& mix) const {
-        const std::array<std::pair<Garment, size_t>, 6> roles{{{Garment::Skin, base_},
+        const std::array<std::pair<Garment, size_t>, 7> roles{{{Garment::Skin, base_},
                                                                {Garment::Skin, head_},
                                                                {Garment::Hair, hair_},
                                                                {Garment::Top, top_},
                                                                {Garment::Bottom, bottom_},
-                                                               {Garment::Shoes, shoes_}}};
+                                                               {Garment::Shoes, shoes_},
+                                                               {Garment::Skin, hands_}}};
         for (size_t v = 0; v < vertices_; ++v) {
             const double one = 1. / double(vertices_);
             const auto [garment, giver] = worn_[v];
             if (giver == kNobody) mix.unseen += one;
             for (size_t role = 0; role < roles.size(); ++role)
                 if (giver == roles[role].second &&
-                    (role == 0 || (garment == roles[role].first && (role != 1 || onHead_[v]))))
+                    (role == 0 || (garment == roles[role].first && (role != 1 || onHead_[v]) &&
+                                   (role != 6 || onHands_[v]))))
                     mix.given[role] += one;
         }
     }
@@ -416,9 +435,9 @@ private:
     const size_t vertices_;
     const Adjacency around_;
     std::vector<Giver> givers_;
-    size_t base_ = 0, head_ = 0, hair_ = 0, top_ = 0, bottom_ = 0, shoes_ = 0;
+    size_t base_ = 0, head_ = 0, hair_ = 0, top_ = 0, bottom_ = 0, shoes_ = 0, hands_ = 0;
     std::vector<Worn> worn_;
-    std::vector<char> onHead_;
+    std::vector<char> onHead_, onHands_;
 };
 
 }  // namespace
@@ -433,7 +452,7 @@ Mix mixAvatars(const MixParts& parts) {
     };
     MixParts models;
     for (auto part : {&MixParts::base, &MixParts::head, &MixParts::hair, &MixParts::top,
-                      &MixParts::bottom, &MixParts::shoes, &MixParts::shape})
+                      &MixParts::bottom, &MixParts::shoes, &MixParts::hands, &MixParts::shape})
         models.*part = modelOf(parts.*part);
     Mix mix = Mixer(models).mix();
 

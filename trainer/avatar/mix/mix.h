@@ -20,14 +20,16 @@ struct MixParts {
     const Avatar* top = nullptr;
     const Avatar* bottom = nullptr;
     const Avatar* shoes = nullptr;
+    const Avatar* hands = nullptr;  // what is skin from the wrists on
     const Avatar* shape = nullptr;  // betas, the body under clothes
 };
 
 struct Mix {
     Avatar avatar;
     // Parts of the vertices: all that the base has given; then, whoever gave it, skin of the head,
-    // hair, top, bottom, shoes; and what none of them has shown, which takes after what is around.
-    std::array<double, 6> given{};
+    // hair, top, bottom, shoes, hands; and what none of them has shown, which takes after what is
+    // around.
+    std::array<double, 7> given{};
     double unseen = 0;
     bool capsWorn = true;  // false: the atlas had no room for their hair or loose cloth
 };
