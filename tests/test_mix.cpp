@@ -211,32 +211,34 @@ TEST(Mix, SkinHasTheColourOfTheHeads) {
                  kBrown);
 }
 
-// Where skin ends, texels of pictures have some of the garment beside it. Of another head's skin
-// they are to be between both, and not darker than either: a line around the neck.
+// Pictures show some of a shirt in the texels of the skin beside it. Under another head's colours
+// that part stays a shirt's: as dark skin it would be black, a line around the neck.
 TEST(Mix, SkinEndsWithoutADarkLine) {
     Avatar ann = avatarOf(kAnn);
     const Avatar bea = avatarOf(kBea);
     const std::vector<TexelPlace> places = texelPlaces(body(), kSize);
-    const auto colourAtCorner = [&](const TexelPlace& place, size_t i) {
-        return kAnn.colours[number(wornAt(kAnn, size_t(body().faces[3 * size_t(place.face) + i])))];
+    const MeshTopology mesh = meshTopology(body().faces, body().vertexCount, "body");
+    const auto besideTop = [&](size_t v) {
+        for (int32_t k = mesh.adjacency.begin[v]; k < mesh.adjacency.begin[v + 1]; ++k)
+            if (wornAt(kAnn, size_t(mesh.adjacency.neighbours[size_t(k)])) == Garment::Top)
+                return true;
+        return false;
     };
     std::vector<size_t> rim;
     for (size_t t = 0; t < places.size(); ++t) {
         if (places[t].face < 0) continue;
-        size_t skin = 0, top = 0;
+        size_t skin = 0, beside = 0;
         for (size_t i = 0; i < 3; ++i) {
             const auto v = size_t(body().faces[3 * size_t(places[t].face) + i]);
             skin += wornAt(kAnn, v) == Garment::Skin;
-            top += wornAt(kAnn, v) == Garment::Top;
+            beside += besideTop(v);
         }
-        if (skin == 0 || top == 0) continue;
+        if (skin < 3 || beside == 0) continue;
         rim.push_back(t);
-        for (size_t c = 0; c < 3; ++c) {
-            float sum = 0;
-            for (size_t i = 0; i < 3; ++i)
-                sum += places[t].corners[i] * colourAtCorner(places[t], i)[c];
-            ann.texture[3 * t + c] = sum;
-        }
+        // None at the corners, which tell what is skin, and two thirds in the middle.
+        const float shirt = 2 * std::ranges::min(places[t].corners);
+        for (size_t c = 0; c < 3; ++c)
+            ann.texture[3 * t + c] = std::lerp(kPale[c], kBlue[c], shirt);
     }
     ASSERT_GT(rim.size(), 100u);
     const Mix mix = mixAvatars({.base = &ann, .head = &bea});

@@ -486,7 +486,10 @@ TEST(Retarget, HandsThatTouchDoSoOnOtherProportions) {
          {Other{1.2, 0, 8}, Other{.88, 0, 30}, Other{1, .12, 8}}) {
         const Proportions target = stretched(arms, broader);
         const Retargeted result = retarget(motion, body(kMean), target);
-        const std::string what = fmt::format("{} {}\n{}", arms, broader, shown(result));
+        const std::string what =
+            fmt::format("hands that touch, arms of {:.0f} %, shoulders broader by {:.0f} %\n{}",
+                        100 * arms, 100 * broader, shown(result));
+        std::printf("%s\n", what.c_str());  // the figures of docs/results.md
         EXPECT_GT(result.before->touch, 15) << what;
         EXPECT_LT(result.after->touch, most) << what;
         EXPECT_LT(result.after->touch, .5 * result.before->touch) << what;

@@ -165,6 +165,8 @@ Retargeted retarget(const Motion& motion, const Proportions& source, const Propo
     else
         touchAsTheSource(source, theirs, target, poses, fps);
     clearArms(source, theirs, target, poses, fps);
+    // Arms that had to leave a thicker body took hands apart that met.
+    if (options.reach == Reach::Proportion) touchAsTheSource(source, theirs, target, poses, fps);
 
     result.source = figuresOf(source, theirs, source, theirs, result.contacts, fps);
     result.before = figuresOf(source, theirs, target, asItIs, result.contacts, fps);
