@@ -228,6 +228,43 @@ TEST(Formats, JsonComesBackToTheSameJoints) {
                   "joint, found 5 for joint 0");
 }
 
+TEST(Formats, UsdComesBackToTheSameJoints) {
+    Folder folder;
+    const Avatar avatar = plainAvatar();
+    const Motion motion = walk();
+    for (const auto names :
+         {JointNames::Smpl, JointNames::Vrm, JointNames::Mixamo, JointNames::Unreal}) {
+        exportAvatar(testDevice(), avatar, folder / "a.usda", &motion, {.names = names});
+        const Motion back = readMotion(folder / "a.usda");
+        ASSERT_EQ(back.size(), motion.size());
+        EXPECT_EQ(back.fps, 24);
+        EXPECT_LT(worstMillimetres(back, motion, {0, 1, 0, 0}), 1);
+    }
+    const std::string text = bytesOf(folder / "a.usda");
+    const auto refusal = [&](const std::string& word, const std::string& instead) {
+        std::string other = text;
+        other.replace(other.find(word), word.size(), instead);
+        folder.write("b.usda", other);
+        return messageOf<InputError>([&] { readMotion(folder / "b.usda"); });
+    };
+    const std::string where = (folder / "b.usda").string();
+    EXPECT_EQ(refusal("def SkelAnimation", "def Scope"),
+              where +
+                  ": expected def SkelAnimation, found none; of USD only what `doppel export "
+                  "--motion` writes is read as a motion");
+    EXPECT_EQ(refusal("pelvis/thigh_l\"", "pelvis/x/y\""),
+              where + ": joints: expected the joint above pelvis/x/y before it, found none");
+    EXPECT_NE(refusal("rotations.timeSamples = {\n                0: [(",
+                      "rotations.timeSamples = {\n                0: [(nan, ")
+                  .find(": expected a number, found \"nan, "),
+              std::string::npos);
+    exportAvatar(testDevice(), avatar, folder / "still.usda", nullptr);
+    EXPECT_NE(messageOf<InputError>([&] {
+                  readMotion(folder / "still.usda");
+              }).find("expected def SkelAnimation, found none"),
+              std::string::npos);
+}
+
 tinygltf::Model load(const fs::path& path) {
     tinygltf::Model model;
     tinygltf::TinyGLTF gltf;
