@@ -189,10 +189,10 @@ void declareFlags(CommandFlags& flags, ExportOptions& o) {
     flags.path(
         "--networks", o.networks,
         "In the place of --out: a folder with the avatar's networks as ONNX and safetensors");
-    flags.paths(
-        "--motion", o.motions,
-        "A capture, a poses.npz, BVH, FBX, glTF, AMASS or an estimator's poses, which becomes "
-        "an animation; of .glb and --web several times");
+    flags.paths("--motion", o.motions,
+                "A capture, a poses.npz, BVH, FBX, glTF, USD, JSON, AMASS or an estimator's poses, "
+                "which becomes "
+                "an animation; of .glb and --web several times");
     flags.frames(o.frames, "Frames of the motion");
     flags.retarget(o.retarget);
     flags

@@ -256,7 +256,7 @@ void declareFlags(CommandFlags& flags, RenderOptions& o) {
     flags.path("AVATAR", o.avatar, "Avatar's folder")->required();
     flags
         .path("--motion", o.motion,
-              "A capture, a poses.npz, BVH, FBX, glTF, AMASS or an estimator's poses "
+              "A capture, a poses.npz, BVH, FBX, glTF, USD, JSON, AMASS or an estimator's poses "
               "(docs/formats.md)")
         ->required();
     flags

@@ -79,7 +79,7 @@ void runRetarget(const RetargetCommandOptions& options) {
 void declareFlags(CommandFlags& flags, RetargetCommandOptions& o) {
     flags
         .path("MOTION", o.motion,
-              "A capture, a poses.npz, BVH, FBX, glTF, AMASS or an estimator's poses "
+              "A capture, a poses.npz, BVH, FBX, glTF, USD, JSON, AMASS or an estimator's poses "
               "(docs/formats.md)")
         ->required();
     flags.path("--avatar", o.avatar, "Avatar's folder, who is to move")->required();

@@ -19,8 +19,9 @@ struct ViewOptions {
 void declareFlags(CommandFlags& flags, ViewOptions& o) {
     flags.precision();
     flags.path("AVATAR", o.viewer.avatar, "Avatar's folder")->required();
-    flags.path("--motion", o.viewer.motion,
-               "A capture, a poses.npz, BVH, FBX, glTF, AMASS or an estimator's poses to play");
+    flags.path(
+        "--motion", o.viewer.motion,
+        "A capture, a poses.npz, BVH, FBX, glTF, USD, JSON, AMASS or an estimator's poses to play");
     flags.frames(o.viewer.frames, "Frames of the motion");
     flags.retarget(o.viewer.retarget);
     flags.paths("--beside", o.viewer.beside,

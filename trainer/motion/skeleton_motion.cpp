@@ -345,9 +345,11 @@ private:
         return .5 * (restPlace(left) + restPlace(left + 1));
     }
 
-    // A length that no person has is a mistake of the file, or a bone that means something else.
+    // A length that no person has, or that is no number, is a mistake of the file, or of a bone
+    // that means something else.
     static double believed(double theirs, double ours) {
-        return std::clamp(theirs, .4 * ours, 2.5 * ours);
+        const double least = .4 * ours, most = 2.5 * ours;
+        return theirs > least ? std::min(theirs, most) : least;
     }
 
     // From joint to joint, metres of the motion, the mean of left and right: bodies are even, and
