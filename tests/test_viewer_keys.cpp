@@ -97,7 +97,8 @@ TEST_F(KeysTest, BlendersKeys) {
     EXPECT_EQ(viewer.timeline(), 0);
     keyWith("Alt_L", "i");
     EXPECT_EQ(viewer.editor().keyframes().size(), 1u);
-    EXPECT_FALSE(viewer.settings().lit || viewer.settings().floor);
+    EXPECT_EQ(viewer.settings().light, kLightCapture);
+    EXPECT_FALSE(viewer.settings().floor);
 }
 
 // G, the mouse, a click: no button is held.

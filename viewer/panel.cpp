@@ -149,16 +149,23 @@ void Viewer::drawViewTab() {
     }
 
     ImGui::Separator();
-    checkbox("light", keys_.tip("Lights the surface from one side", Action::Light), settings_.lit);
-    if (settings_.lit) {
-        slider("from the side", "Where the light stands, radians around the body.",
-               settings_.lightYaw, -std::numbers::pi, std::numbers::pi, "%.2f");
-        slider("from above", "How high the light stands, radians.", settings_.lightPitch, -1.57,
-               1.57, "%.2f");
+    auto light = number(settings_.light);
+    constexpr Choice kLights[] = {
+        {"the capture's", kLightCapture}, {"flat", kLightFlat}, {"a lamp", kLightLamp}};
+    choose(
+        "light",
+        keys_.tip("As before the camera that recorded the person, none, or a lamp", Action::Light),
+        kLights, light);
+    settings_.light = static_cast<uint32_t>(light);
+    if (settings_.light == kLightLamp) {
+        slider("from the side", "Where the lamp stands, radians around the body.",
+               settings_.lampYaw, -std::numbers::pi, std::numbers::pi, "%.2f");
+        slider("from above", "How high the lamp stands, radians.", settings_.lampPitch, -1.57, 1.57,
+               "%.2f");
         slider("ambient", "Light from everywhere, the rest comes from the side.", settings_.ambient,
                0, 1, "%.2f");
-    } else {
-        hint("flat, as trained");
+    } else if (settings_.light == kLightCapture && avatar.light.empty()) {
+        hint("flat: training has learned no light");
     }
 
     ImGui::Separator();

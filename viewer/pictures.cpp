@@ -207,11 +207,11 @@ std::span<const uint32_t> Viewer::behind(const Pane& pane, std::optional<int> re
 ShadeOptions Viewer::shadeOptions(const Pane& pane) const {
     ShadeOptions shade;
     shade.paint = settings_.paint;
-    shade.lit = settings_.lit;
+    shade.light = settings_.light;
     shade.wireframe = settings_.wireframe;
-    double level = std::cos(settings_.lightPitch);
-    shade.light = {level * std::sin(settings_.lightYaw), -std::sin(settings_.lightPitch),
-                   -level * std::cos(settings_.lightYaw)};
+    double level = std::cos(settings_.lampPitch);
+    shade.lamp = {level * std::sin(settings_.lampYaw), -std::sin(settings_.lampPitch),
+                  -level * std::cos(settings_.lampYaw)};
     shade.ambient = settings_.ambient;
     shade.inset = settings_.atlas ? std::min(pane.width, pane.height) / 3 : 0;
     shade.blueFirst = window_.blueFirst();

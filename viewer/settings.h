@@ -50,8 +50,8 @@ struct ViewSettings {
     TextureKind texture = TextureKind::Coarse;
     uint32_t paint = kPaintTexture;
     bool wireframe = false, atlas = false;
-    bool lit = false;
-    double lightYaw = -0.6, lightPitch = 0.6, ambient = 0.35;  // radians, as seen from the camera
+    uint32_t light = kLightCapture;
+    double lampYaw = -0.6, lampPitch = 0.6, ambient = 0.35;  // radians, as seen from the camera
     Split split = Split::None;
     bool divided = false;  // what is compared is one picture with a line, where the divider is
     float divider = .5f;   // part of the picture's width

@@ -288,6 +288,7 @@ private:
     void perform(Action action, int digit);
     void cancel();
     void stepToKey(bool on);
+    void nextLight();
     void beginModalDrag(Drag drag);
     bool typesIntoDrag(const Chord& chord);
     double modalAngle();

@@ -12,6 +12,7 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #include "common/op.glsl"
+#include "texture/light_basis.glsl"
 #include "texture/params.h"
 PARAMS(LitTextureParams, 11)
 BUFFER(0, readonly, vec3, tex);          // [T,T,3]
@@ -26,11 +27,7 @@ BUFFER(8, readwrite, vec3, partial);     // [9,partials,3]
 BUFFER(9, writeonly, vec3, dLight);      // [9,3]
 BUFFER(10, readwrite, vec3, factors);    // [T,T,3] s
 
-struct Basis {
-    float y[9];
-};
-
-Basis basisAt(uint texel) {
+LightBasis basisAt(uint texel) {
     vec3 n = vec3(0);
     int face = texelFaces.d[texel];
     if (face >= 0) {
@@ -39,18 +36,13 @@ Basis basisAt(uint texel) {
         n = (1 - b.x - b.y) * normals.d[v.x] + b.x * normals.d[v.y] + b.y * normals.d[v.z];
     }
     float size = length(n);
-    bool known = size > 1e-6;
-    n = known ? n / size : vec3(0);
-    const float k1 = sqrt(3.0), k2 = sqrt(15.0), k20 = sqrt(5.0) / 2;
-    return Basis(float[9](1, k1 * n.y, k1 * n.z, k1 * n.x, k2 * n.x * n.y, k2 * n.y * n.z,
-                          known ? k20 * (3 * n.z * n.z - 1) : 0, k2 * n.x * n.z,
-                          k2 / 2 * (n.x * n.x - n.y * n.y)));
+    return lightBasis(size > 1e-6 ? n / size : vec3(0));
 }
 
 ENTRY(forward) {
     uint i = linearIndex();
     if (i >= params.texels) return;
-    Basis at = basisAt(i);
+    LightBasis at = basisAt(i);
     vec3 factor = vec3(0);
     [[unroll]] for (uint k = 0; k < 9; ++k) factor += at.y[k] * light.d[k];
     factors.d[i] = factor;
@@ -72,7 +64,7 @@ ENTRY(backward_partial) {
         vec3 d = dLit.d[i];
         if (d == vec3(0)) continue;
         d *= tex.d[i];
-        Basis at = basisAt(i);
+        LightBasis at = basisAt(i);
         [[unroll]] for (uint k = 0; k < 9; ++k) sums[k] += at.y[k] * d;
     }
     [[unroll]] for (uint k = 0; k < 9; ++k) partial.d[k * params.partials + first] = sums[k];

@@ -26,13 +26,19 @@ const uint kPaintVisibility = 3;  // the visibility map that the texture network
 const uint kPaintChecker = 4;
 const uint kPaintParts = 5;
 const uint kPaintClamps = 6;
+// What the surface is lit by. The capture's light is one of textures; on what else is painted, and
+// where the avatar has none, it is as flat.
+const uint kLightFlat = 0;
+const uint kLightLamp = 1;
+const uint kLightCapture = 2;
 // How a view is lit; a buffer, because it changes between replays.
 struct ShadeState {
-    float ambient;   // of a light that fills the rest up to 1
-    // Towards the light, unit length, and the rows of the rotation that brings normals to camera
+    float ambient;  // of a light that fills the rest up to 1
+    // Towards the lamp, unit length, and the rows of the rotation that brings normals to camera
     // space.
-    float lightX, lightY, lightZ;
+    float lampX, lampY, lampZ;
     float xx, xy, xz, yx, yy, yz, zx, zy, zz;
+    float captureLight[24];  // L [8,3] of the avatar
 };
 SHARED_END
 #endif

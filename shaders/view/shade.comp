@@ -1,6 +1,8 @@
 // The viewer's picture [H,W] from the nearest faces: painted, lit, over a background, packed to
-// bytes. colour = paint (ambient + (1 - ambient) max(n . light, 0)) in linear light, n the
-// interpolated normal; the mean of samples^2 samples per pixel. Only stretches of pixels are shaded
+// bytes; the mean of samples^2 samples per pixel. n is the interpolated normal in camera space:
+//     a lamp           colour = paint (ambient + (1 - ambient) max(n . lamp, 0)), linear light
+//     capture's light  colour = paint (1 + sum_k L_k Y_k(n)), sRGB-encoded, as texture/lit_texture
+// Only stretches of pixels are shaded
 // in which a face is seen (raster/seen_spans.comp), for a CPU's vectors would walk through the
 // shading of the others too.
 #version 460
@@ -8,10 +10,11 @@
 #extension GL_EXT_control_flow_attributes : require
 #include "common/op.glsl"
 #include "raster/triangle.glsl"
+#include "texture/light_basis.glsl"
 #include "view/params.h"
 // What it paints is fixed in the pipeline: a CPU's vectors would walk through every branch.
 layout(constant_id = 1) const uint paint = kPaintTexture;
-layout(constant_id = 2) const uint lit = 0;        // 0: as it is painted
+layout(constant_id = 2) const uint light = kLightFlat;
 layout(constant_id = 3) const uint wireframe = 0;  // 1: the faces' edges on top
 layout(constant_id = 4) const uint samples = 1;    // of the nearest faces, per pixel and axis
 layout(constant_id = 5) const uint keys = 0;       // 1: of two numbers each, see nn/ops/raster.h
@@ -99,6 +102,18 @@ vec3 normalAt(ivec3 v, vec3 b) {
                 dot(vec3(s.zx, s.zy, s.zz), n));
 }
 
+// What the capture's light makes of a colour.
+vec3 lightFactor(vec3 n) {
+    LightBasis at = lightBasis(n);
+    vec3 factor = vec3(1);
+    [[unroll]] for (uint k = 0; k < 8; ++k) {
+        vec3 light = vec3(state.d[0].captureLight[3 * k], state.d[0].captureLight[3 * k + 1],
+                          state.d[0].captureLight[3 * k + 2]);
+        factor += at.y[k + 1] * light;
+    }
+    return factor;
+}
+
 // A face's at the sample in this column and row.
 vec3 colourOf(uint face, uint column, uint row) {
     ivec3 v = faces.d[face].xyz;
@@ -107,9 +122,9 @@ vec3 colourOf(uint face, uint column, uint row) {
     vec3 n = vec3(0, 0, -1), colour;
     bool shaped = paint == kPaintClay || paint == kPaintNormals || paint == kPaintParts ||
                   paint == kPaintClamps;
-    if (shaped || lit != 0) n = normalAt(v, b);
+    if (shaped || light != kLightFlat) n = normalAt(v, b);
     // Without a light of its own the shape is lit from the eye, so that it shows.
-    float headlight = lit != 0 ? 1 : 0.4 + 0.6 * max(-n.z, 0);
+    float headlight = light == kLightLamp ? 1 : 0.4 + 0.6 * max(-n.z, 0);
     if (paint == kPaintClay) {
         colour = vec3(0.82, 0.8, 0.77) * headlight;
     } else if (paint == kPaintNormals) {
@@ -123,10 +138,12 @@ vec3 colourOf(uint face, uint column, uint row) {
         colour = paintAt(b.x * cornerUvs.d[4 * face] + b.y * cornerUvs.d[4 * face + 1] +
                          b.z * cornerUvs.d[4 * face + 2]);
     }
-    if (lit != 0 && paint != kPaintNormals) {
+    if (light == kLightCapture) {
+        colour = clamp(colour * lightFactor(n), 0, 1);
+    } else if (light == kLightLamp && paint != kPaintNormals) {
         ShadeState s = state.d[0];
-        float light = max(dot(n, vec3(s.lightX, s.lightY, s.lightZ)), 0);
-        colour = toSrgb(toLinear(clamp(colour, 0, 1)) * (s.ambient + (1 - s.ambient) * light));
+        float direct = max(dot(n, vec3(s.lampX, s.lampY, s.lampZ)), 0);
+        colour = toSrgb(toLinear(clamp(colour, 0, 1)) * (s.ambient + (1 - s.ambient) * direct));
     }
     if (wireframe != 0) {
         float brightness = dot(colour, vec3(0.3, 0.6, 0.1));

@@ -57,7 +57,7 @@ constexpr std::array<ActionInfo, kActions> kAll{{
     {"remove-key", kTime, "take this frame's key away"},
     {"blend", kTime, "edits add to the motion, or override it"},
     {"wireframe", kShow, "wireframe"},
-    {"light", kShow, "light"},
+    {"light", kShow, "the capture's light, none, a lamp"},
     {"joints", kShow, "joints"},
     {"floor", kShow, "floor"},
     {"compare", kShow, "compare: meshes, textures, avatars, off"},

@@ -155,8 +155,7 @@ void Viewer::perform(Action action, int digit) {
             settings_.wireframe = !settings_.wireframe;
             break;
         case Action::Light:
-            settings_.lit = !settings_.lit;
-            break;
+            return nextLight();
         case Action::Joints:
             settings_.joints = !settings_.joints;
             break;
@@ -209,6 +208,16 @@ void Viewer::cancel() {
     } else if (film_) {
         askToGiveFilmUp();
     }
+}
+
+// Without a step that changes nothing: where nobody has learned a light, the capture's is as flat.
+void Viewer::nextLight() {
+    bool learned = !avatar_->avatar.light.empty();
+    for (size_t i = 0; i < others_.size(); ++i) learned |= !others_[i].avatar().light.empty();
+    if (settings_.light == kLightLamp)
+        settings_.light = kLightCapture;
+    else
+        settings_.light = settings_.light == kLightCapture && learned ? kLightFlat : kLightLamp;
 }
 
 // To the nearest key on that side of the timeline's frame.

@@ -6,6 +6,7 @@
 
 #include "engine/files/numbers.h"
 #include "nn/ops/body.h"
+#include "nn/steps/light.h"
 #include "trainer/avatar/checkpoint.h"
 #include "trainer/avatar/networks.h"
 #include "trainer/data/body_render.h"
@@ -132,7 +133,7 @@ struct Scene::Drawing {
         ShadeParams params{u32(key.width), u32(key.height),         u32(size),
                            u32(key.inset), key.blueFirst ? 1u : 0u, divisorOf(u32(key.width))};
         Specialisation spec{{"paint", key.paint},
-                            {"lit", key.lit ? 1u : 0u},
+                            {"light", key.light},
                             {"wireframe", key.wireframe ? 1u : 0u},
                             {"samples", u32(key.samples)},
                             {"keys", seen.keys ? 1u : 0u}};
@@ -226,6 +227,12 @@ Scene::Scene(Device& device, const Avatar& avatar)
 }
 
 Scene::~Scene() = default;
+
+ShadeOptions Scene::shown(ShadeOptions options) const {
+    const bool lights = !avatar_.light.empty() && options.paint == kPaintTexture;
+    if (options.light == kLightCapture && !lights) options.light = kLightFlat;
+    return options;
+}
 
 bool Scene::hasRefinedMesh() const { return !avatar_.meshNet.empty(); }
 
@@ -338,8 +345,9 @@ int insetOf(const ShadeOptions& options, const Camera& camera) {
 }
 
 bool needsNormals(const ShadeOptions& options) {
-    return options.lit || options.paint == kPaintClay || options.paint == kPaintNormals ||
-           options.paint == kPaintParts || options.paint == kPaintClamps;
+    return options.light != kLightFlat || options.paint == kPaintClay ||
+           options.paint == kPaintNormals || options.paint == kPaintParts ||
+           options.paint == kPaintClamps;
 }
 
 // Where something is drawn: around the avatar, or everywhere for an atlas in the corner.
@@ -401,9 +409,10 @@ struct Scene::Drawn {
 };
 
 std::vector<uint32_t> Scene::draw(MeshKind mesh, const Camera& camera, const ViewTransform& view,
-                                  const ShadeOptions& options, std::span<const uint32_t> background,
+                                  const ShadeOptions& asked, std::span<const uint32_t> background,
                                   int samples, std::vector<uint32_t> reused,
                                   std::vector<float>* depths) {
+    const ShadeOptions options = shown(asked);
     if (!hasRefinedMesh()) mesh = MeshKind::Body;
     const std::vector<float>& verts = posed(mesh).hostVerts;
     const auto width = static_cast<size_t>(camera.width);
@@ -454,9 +463,10 @@ std::vector<uint32_t> Scene::draw(MeshKind mesh, const Camera& camera, const Vie
 }
 
 std::vector<uint32_t> Scene::refine(MeshKind mesh, const Camera& camera, const ViewTransform& view,
-                                    const ShadeOptions& options,
-                                    std::span<const uint32_t> background, int place, int refinement,
-                                    std::vector<uint32_t> reused, std::vector<float>* depths) {
+                                    const ShadeOptions& asked, std::span<const uint32_t> background,
+                                    int place, int refinement, std::vector<uint32_t> reused,
+                                    std::vector<float>* depths) {
+    const ShadeOptions options = shown(asked);
     if (!hasRefinedMesh()) mesh = MeshKind::Body;
     std::vector<uint32_t> picture = std::move(reused);
     picture.resize(background.size());
@@ -476,15 +486,17 @@ void Scene::drawBox(const PixelBox& box, MeshKind mesh, const Camera& camera,
     Posing& posing = posed(mesh);
     if (needsNormals(options)) posing.findNormals();
     Drawing& d =
-        drawing({place, mesh, box.width, box.height, samples, options.paint, options.lit,
+        drawing({place, mesh, box.width, box.height, samples, options.paint, options.light,
                  options.wireframe, options.blueFirst, insetOf(options, camera), depths != nullptr},
                 posing);
     auto f = [](double value) { return static_cast<float>(value); };
-    glm::dvec3 light = glm::normalize(options.light);
+    glm::dvec3 lamp = glm::normalize(options.lamp);
     const glm::dmat3& r = view.rotation;  // columns first
     std::array<float, sizeof(ShadeState) / 4> state{
-        f(options.ambient), f(light.x), f(light.y), f(light.z), f(r[0][0]), f(r[1][0]), f(r[2][0]),
+        f(options.ambient), f(lamp.x),  f(lamp.y),  f(lamp.z),  f(r[0][0]), f(r[1][0]), f(r[2][0]),
         f(r[0][1]),         f(r[1][1]), f(r[2][1]), f(r[0][2]), f(r[1][2]), f(r[2][2])};
+    static_assert(sizeof(ShadeState::captureLight) == 4 * kLightNumbers);
+    std::ranges::copy(avatar_.light, state.end() - kLightNumbers);
     d.graph.write(d.state, std::span<const float>(state));
     std::array<float, 3> turn = axisAngle(view.rotation);
     std::array<float, 3> shift{f(view.translation.x), f(view.translation.y), f(view.translation.z)};

@@ -32,8 +32,9 @@ enum class MeshKind { Body, Refined };
 
 struct ShadeOptions {
     uint32_t paint = kPaintTexture;  // of kPaint…
-    bool lit = false, wireframe = false;
-    glm::dvec3 light{-0.4, -0.6, -0.7};  // towards it, camera space
+    uint32_t light = kLightCapture;  // of kLight…
+    bool wireframe = false;
+    glm::dvec3 lamp{-0.4, -0.6, -0.7};  // towards it, camera space
     double ambient = 0.35;
     int inset = 0;           // side of the atlas in the lower right corner, pixels; 0: none
     bool blueFirst = false;  // bytes of a pixel: B, G, R, A instead of R, G, B, A
@@ -103,14 +104,16 @@ private:
         int place;  // of refine(), or kNoPlace: of draw()
         MeshKind mesh;
         int width, height, samples;
-        uint32_t paint;
-        bool lit, wireframe, blueFirst;
+        uint32_t paint, light;
+        bool wireframe, blueFirst;
         int inset;
         bool layered;  // over others, with depths
         bool operator==(const DrawingKey&) const = default;
     };
     static constexpr int kNoPlace = -1;
     Drawing& drawing(const DrawingKey& key, const Posing& posing);
+    // The options with the light that this avatar shows.
+    ShadeOptions shown(ShadeOptions options) const;
     // Draws this part of the picture, where the background is.
     void drawBox(const PixelBox& box, MeshKind mesh, const Camera& camera,
                  const ViewTransform& view, const ShadeOptions& options, int samples,
