@@ -140,6 +140,69 @@ TEST_F(ViewerTest, LooksThroughTheCapturesCamera) {
     EXPECT_LT(glm::distance(at(joint::kHead), before), 2);
 }
 
+TEST_F(ViewerTest, TheFrameIsSeenInFrontOrAsADifference) {
+    ViewerOptions options;
+    options.motion = *folder_ / "in front";
+    writeColouredCapture(options.motion, turningMotion(2));
+    Viewer& viewer = open(options);
+    viewer.settings().joints = false;
+    screen_->key("0");
+    settle();
+    const Image behind = picture();
+    const glm::ivec2 body = glm::round(at(joint::kPelvis)), beside{60, 30};
+    constexpr std::array<int, 3> kFrame{200, 40, 40};
+    const auto expectAt = [&](const Image& image, const glm::ivec2& place,
+                              const std::array<int, 3>& expected, const std::string& what) {
+        for (size_t c = 0; c < 3; ++c)
+            EXPECT_NEAR(image.pixel(place.x, place.y)[c], expected[c], 3) << what << ", " << c;
+    };
+    const uint8_t* own = behind.pixel(body.x, body.y);
+    viewer.settings().backdrop = Backdrop::Overlay;
+    for (double opacity : {0., .5, 1.}) {
+        viewer.settings().frameOpacity = opacity;
+        settle();
+        std::array<int, 3> expected{};
+        for (size_t c = 0; c < 3; ++c)
+            expected[c] = int(std::lround(std::lerp(own[c], kFrame[c], opacity)));
+        expectAt(picture(), body, expected, fmt::format("opacity {}", opacity));
+        expectAt(picture(), beside, kFrame, "beside the avatar");
+    }
+    viewer.settings().backdrop = Backdrop::Difference;
+    for (int times : {1, 3}) {
+        viewer.settings().differenceTimes = times;
+        settle();
+        std::array<int, 3> expected{};
+        for (size_t c = 0; c < 3; ++c)
+            expected[c] = std::min(255, times * std::abs(own[c] - kFrame[c]));
+        const Image seen = picture();
+        for (size_t c = 0; c < 3; ++c)
+            EXPECT_NEAR(seen.pixel(body.x, body.y)[c], expected[c], 3 * times) << times;
+        expectAt(seen, beside, {0, 0, 0}, "beside the avatar");
+    }
+    // Pictures and films as the window.
+    const Image seen = picture();
+    viewer.saveScreenshot(*folder_ / "difference.png");
+    EXPECT_LT(difference(readImage(*folder_ / "difference.png"), seen), 1e-6);
+    viewer.startFilm(*folder_ / "differences");
+    for (int i = 0; i < 500 && viewer.working(); ++i) viewer.frame();
+    EXPECT_LT(difference(readImage(*folder_ / "differences/0000.png"), seen), .01);
+    // Without the capture's camera there is no frame to be in front.
+    viewer.settings().captureCamera = false;
+    settle();
+    EXPECT_GT(picture().pixel(beside.x, beside.y)[0], 10);
+}
+
+TEST(Backdrop, ADifferenceShowsThePersonWhereTheAvatarIsNot) {
+    Picture frame{4, 2, std::vector<uint8_t>(24, 100), {0, 255, 255, 0, 0, 0, 0, 0}};
+    BackdropSource source{.frame = &frame};
+    const std::vector<uint32_t> front = backdropPixels(4, 2, source);
+    source.marksPerson = true;
+    std::vector<uint32_t> picture = backdropPixels(4, 2, source);
+    putInFront(picture, front, {.as = Backdrop::Difference}, true);
+    for (size_t i = 0; i < 8; ++i)
+        EXPECT_EQ(picture[i], frame.mask[i] ? 0xff808080u : 0xff000000u) << i;
+}
+
 TEST_F(ViewerTest, KeyframesAreSavedAndReadAgain) {
     Viewer& viewer = open();
     screen_->key("k");

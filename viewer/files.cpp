@@ -257,7 +257,7 @@ void Viewer::saveScreenshot(const fs::path& path) {
     const std::vector<Pane>& panes = shown_->panes;
     Image image(panes.back().x + panes.back().width, panes[0].height, 3);
     for (size_t i = 0; i < panes.size(); ++i) {
-        const uint32_t* word = pixels_[i].data();
+        const uint32_t* word = seen(i).data();
         for (int y = 0; y < panes[i].height; ++y)
             for (int x = 0; x < panes[i].width; ++x, ++word)
                 for (int c = 0; c < 3; ++c)

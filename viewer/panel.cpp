@@ -170,17 +170,34 @@ void Viewer::drawViewTab() {
 
     ImGui::Separator();
     auto backdrop = number(settings_.backdrop);
-    constexpr Choice kBackdrops[] = {{"colour", static_cast<int>(Backdrop::Colour)},
-                                     {"picture (drop one)", static_cast<int>(Backdrop::Picture)},
-                                     {"capture's frames", static_cast<int>(Backdrop::Capture)}};
-    choose("background", "What is behind the avatar.", kBackdrops, backdrop);
+    constexpr Choice kBackdrops[] = {
+        {"colour", static_cast<int>(Backdrop::Colour)},
+        {"picture (drop one)", static_cast<int>(Backdrop::Picture)},
+        {"capture's frames", static_cast<int>(Backdrop::Capture)},
+        {"frames in front", static_cast<int>(Backdrop::Overlay)},
+        {"difference from frames", static_cast<int>(Backdrop::Difference)}};
+    if (choose("background",
+               "What is behind the avatar; the capture's frames also in front of it, or how far it "
+               "is from them.",
+               kBackdrops, backdrop) &&
+        backdrop > static_cast<int>(Backdrop::Capture) && capture())
+        settings_.captureCamera = true;
     settings_.backdrop = static_cast<Backdrop>(backdrop);
     if (settings_.backdrop == Backdrop::Colour) {
         ImGui::ColorEdit3("colour", settings_.colour.data(), ImGuiColorEditFlags_NoInputs);
         noteItem("colour");
         tip("The background's colour.");
     }
-    if (settings_.backdrop == Backdrop::Capture && (!capture() || !settings_.captureCamera))
+    if (settings_.backdrop == Backdrop::Overlay)
+        slider("opacity", "Of the frame: 0 shows the avatar alone, 1 the frame alone.",
+               settings_.frameOpacity, 0, 1, "%.2f");
+    if (settings_.backdrop == Backdrop::Difference) {
+        slider("times", "How much larger the difference is shown than it is.",
+               settings_.differenceTimes, 1, 8, "%d");
+        if (showsFrames() && capture()->capture.hasMasks())
+            hint("brightest: the person, where the avatar is not");
+    }
+    if (settings_.backdrop >= Backdrop::Capture && !showsFrames())
         hint(capture() ? "seen with the capture's camera only" : "no capture is loaded");
 
     ImGui::Separator();

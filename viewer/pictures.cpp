@@ -16,6 +16,17 @@ uint32_t packed(const std::array<uint8_t, 3>& rgb) {
     return uint32_t{rgb[0]} | uint32_t{rgb[1]} << 8 | uint32_t{rgb[2]} << 16 | 0xff000000u;
 }
 
+// Of the pixels of a whole view those that the pane shows.
+std::vector<uint32_t> partOfView(std::span<const uint32_t> view, const Pane& pane) {
+    std::vector<uint32_t> part;
+    for (int y = 0; y < pane.height; ++y)
+        std::ranges::copy(
+            view.subspan(static_cast<size_t>(y * pane.viewWidth + pane.x - pane.viewX),
+                         static_cast<size_t>(pane.width)),
+            std::back_inserter(part));
+    return part;
+}
+
 }  // namespace
 
 int Viewer::panelWidth() const {
@@ -130,7 +141,7 @@ glm::dvec3 Viewer::jointOnScreen(size_t joint) const {
 // Of the view that the pane is a part of.
 std::span<const uint32_t> Viewer::backgroundOf(Pane pane) {
     pane.width = pane.viewWidth;
-    bool frames = settings_.backdrop == Backdrop::Capture && capture() && settings_.captureCamera;
+    const bool frames = showsFrames();
     bool picture = settings_.backdrop == Backdrop::Picture && !backdropPicture_.empty();
     std::array<uint8_t, 3> colour{};
     for (size_t c = 0; c < 3; ++c)
@@ -138,8 +149,12 @@ std::span<const uint32_t> Viewer::backgroundOf(Pane pane) {
             static_cast<uint8_t>(std::lround(255 * std::clamp(settings_.colour[c], 0.0f, 1.0f)));
     int64_t frame =
         frames ? std::clamp<int64_t>(static_cast<int64_t>(timeline_), 0, frameCount() - 1) : -1;
-    std::array<int64_t, 5> key{pane.width, pane.height, frame, int64_t{packed(colour)},
-                               picture ? static_cast<int64_t>(backdropVersion_) : -1};
+    BackgroundKey key{pane.width,
+                      pane.height,
+                      frame,
+                      int64_t{packed(colour)},
+                      picture ? static_cast<int64_t>(backdropVersion_) : -1,
+                      static_cast<int64_t>(settings_.backdrop)};
     if (key == backgroundKey_) return background_;
     backgroundKey_ = key;
     std::shared_ptr<const Picture> own;
@@ -148,10 +163,30 @@ std::span<const uint32_t> Viewer::backgroundOf(Pane pane) {
     } catch (const std::exception& error) {
         if (message() != error.what()) say(error.what(), true);
     }
+    BackdropSource source{settings_.colour, picture ? &backdropPicture_ : nullptr, own.get()};
+    frame_.clear();
+    if (own) frame_ = backdropPixels(pane.width, pane.height, source);
+    source.marksPerson = settings_.backdrop == Backdrop::Difference;
     background_ =
-        backdropPixels(pane.width, pane.height,
-                       {settings_.colour, picture ? &backdropPicture_ : nullptr, own.get()});
+        own && !source.marksPerson ? frame_ : backdropPixels(pane.width, pane.height, source);
     return background_;
+}
+
+void Viewer::showFrames() {
+    if (capture() && settings_.backdrop < Backdrop::Capture) settings_.backdrop = Backdrop::Capture;
+}
+
+FrameInFront Viewer::frameInFront() const {
+    return {settings_.backdrop, settings_.frameOpacity, settings_.differenceTimes};
+}
+
+// Over the pane's picture, which stays as it was drawn for the next one to build on.
+void Viewer::putFrameInFront(size_t i) {
+    std::vector<uint32_t>& picture = inFront_[i];
+    picture.clear();
+    if (settings_.backdrop <= Backdrop::Capture || !showsFrames() || frame_.empty()) return;
+    picture = pixels_[i];
+    putInFront(picture, partOfView(frame_, panes_[i]), frameInFront(), window_.blueFirst());
 }
 
 // The background with the floor and ghosts. The scene has the pose that is shown.
@@ -159,12 +194,7 @@ std::span<const uint32_t> Viewer::behind(const Pane& pane) {
     std::span<const uint32_t> background = backgroundOf(pane);
     if (pane.width != pane.viewWidth) {
         std::vector<uint32_t>& part = backgroundParts_[pane.x];
-        part.clear();
-        for (int y = 0; y < pane.height; ++y)
-            std::ranges::copy(
-                background.subspan(static_cast<size_t>(y * pane.viewWidth + pane.x - pane.viewX),
-                                   static_cast<size_t>(pane.width)),
-                std::back_inserter(part));
+        part = partOfView(background, pane);
         background = part;
     }
     Behind now{editor_->pose(), editor_->betas(), pane, cameraOf(pane),
@@ -260,6 +290,7 @@ void Viewer::updatePictures() {
                 sceneOf(pane).refine(pane.mesh, cameraOf(pane), view(), shadeOptions(pane),
                                      background, static_cast<int>(i), refinements_,
                                      std::move(pixels_[i]), depths.empty() ? nullptr : &depths);
+            putFrameInFront(i);
         }
         ++refinements_;
         framesToDraw_ = std::max(framesToDraw_, 1);
@@ -269,6 +300,7 @@ void Viewer::updatePictures() {
     auto before = Clock::now();
     setPoses(now);
     pixels_.resize(panes_.size());
+    inFront_.resize(panes_.size());
     for (const Pane& pane : panes_) sceneOf(pane).prepare(pane.mesh);
     times_.pose = millisecondsSince(before);
     before = Clock::now();
@@ -280,6 +312,7 @@ void Viewer::updatePictures() {
         pixels_[i] =
             sceneOf(pane).draw(pane.mesh, cameraOf(pane), view(), shadeOptions(pane), background, 1,
                                std::move(pixels_[i]), depths.empty() ? nullptr : &depths);
+        putFrameInFront(i);
     }
     times_.draw = millisecondsSince(before);
     shown_ = std::move(now);

@@ -10,6 +10,7 @@
 
 #include "engine/device.h"
 #include "trainer/motion/retarget/retarget.h"
+#include "viewer/picture/backdrop.h"
 #include "viewer/picture/scene.h"
 #include "viewer/pose/skeleton.h"
 #include "viewer/window/look.h"
@@ -38,8 +39,6 @@ struct ViewerOptions {
 // refined, this avatar and others; or all of these in one scene.
 enum class Split { None, Meshes, Textures, Avatars, Together };
 
-enum class Backdrop { Colour, Picture, Capture };
-
 // What the rings of the selected joint turn about: its own axes, its parent's, or the picture's,
 // right, down and into it.
 enum class RingAxes { Own, Parents, Views };
@@ -57,6 +56,8 @@ struct ViewSettings {
     float divider = .5f;   // part of the picture's width
     double apart = .9;     // of avatars in one scene, metres
     Backdrop backdrop = Backdrop::Colour;
+    double frameOpacity = .5;  // of a frame in front
+    int differenceTimes = 2;   // as large as it is
     std::array<float, 3> colour{0.20f, 0.22f, 0.25f};
     bool captureCamera = false;
     bool floor = false;

@@ -229,7 +229,7 @@ bool Viewer::frame() {
     std::vector<PlacedPicture> placed;
     for (size_t i = 0; shown_ && i < pixels_.size(); ++i) {
         const Pane& pane = shown_->panes[i];
-        placed.push_back({pane.x, pane.y, pane.width, pane.height, pixels_[i]});
+        placed.push_back({pane.x, pane.y, pane.width, pane.height, seen(i)});
     }
     if (const auto preview = filmPreview()) {
         placed.push_back(*preview);

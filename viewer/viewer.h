@@ -272,7 +272,19 @@ private:
     void layOut();
     ViewTransform view() const;
     Camera cameraOf(const Pane& pane) const;
+    // The capture's frames are seen, behind the avatar or otherwise.
+    bool showsFrames() const {
+        return settings_.backdrop >= Backdrop::Capture && capture() && settings_.captureCamera;
+    }
+    // Behind the avatar, unless they are seen otherwise.
+    void showFrames();
+    FrameInFront frameInFront() const;
     std::span<const uint32_t> backgroundOf(Pane pane);
+    void putFrameInFront(size_t pane);
+    // Of a pane as the window shows it.
+    std::span<const uint32_t> seen(size_t pane) const {
+        return inFront_[pane].empty() ? pixels_[pane] : inFront_[pane];
+    }
     std::span<const uint32_t> behind(const Pane& pane);
     std::span<const uint32_t> behind(const Pane& pane, std::optional<int> refinement,
                                      std::vector<float>& depths);
@@ -425,6 +437,8 @@ private:
     // The pictures as they are shown.
     std::vector<Pane> panes_;
     std::vector<std::vector<uint32_t>> pixels_;  // per pane
+    // With a capture's frame in front of them; empty: without.
+    std::vector<std::vector<uint32_t>> inFront_;
     std::optional<Shown> shown_;
     uint64_t pictures_ = 0;
     int refinements_ = 0;
@@ -444,9 +458,11 @@ private:
     Image backdropPicture_;
     uint64_t backdropVersion_ = 1;
     std::vector<uint32_t> background_;
+    std::vector<uint32_t> frame_;  // the capture's, of the background's size; empty: none is seen
     std::map<int, std::vector<uint32_t>> backgroundParts_;  // by the pane's x
     std::vector<uint32_t> row_;                             // of avatars, and what is behind them
-    std::array<int64_t, 5> backgroundKey_{-1, -1, -1, -1, -1};
+    using BackgroundKey = std::array<int64_t, 6>;
+    BackgroundKey backgroundKey_{-1, -1, -1, -1, -1, -1};
     // The floor: from the poses' world, y up. Nothing where the motion's feet stand nowhere.
     struct FloorOf {
         Pose pose;
@@ -464,7 +480,7 @@ private:
         Pane pane;
         Camera camera;
         ViewTransform view;
-        std::array<int64_t, 5> background{};
+        BackgroundKey background{};
         std::optional<RigidMotion> floor;
         std::vector<Ghost> ghosts;
         uint64_t others = 0;          // Company::version()

@@ -2,9 +2,8 @@
 // bytes; the mean of samples^2 samples per pixel. n is the interpolated normal in camera space:
 //     a lamp           colour = paint (ambient + (1 - ambient) max(n . lamp, 0)), linear light
 //     capture's light  colour = paint (1 + sum_k L_k Y_k(n)), sRGB-encoded, as texture/lit_texture
-// Only stretches of pixels are shaded
-// in which a face is seen (raster/seen_spans.comp), for a CPU's vectors would walk through the
-// shading of the others too.
+// Only stretches of pixels are shaded in which a face is seen (raster/seen_spans.comp), for a CPU's
+// vectors would walk through the shading of the others too.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
@@ -107,9 +106,9 @@ vec3 lightFactor(vec3 n) {
     LightBasis at = lightBasis(n);
     vec3 factor = vec3(1);
     [[unroll]] for (uint k = 0; k < 8; ++k) {
-        vec3 light = vec3(state.d[0].captureLight[3 * k], state.d[0].captureLight[3 * k + 1],
-                          state.d[0].captureLight[3 * k + 2]);
-        factor += at.y[k + 1] * light;
+        vec3 row = vec3(state.d[0].captureLight[3 * k], state.d[0].captureLight[3 * k + 1],
+                        state.d[0].captureLight[3 * k + 2]);
+        factor += at.y[k + 1] * row;
     }
     return factor;
 }

@@ -12,6 +12,7 @@
 #include "trainer/avatar/films/picture_sequence.h"
 #include "trainer/data/capture.h"
 #include "viewer/live/live_avatar.h"
+#include "viewer/picture/backdrop.h"
 #include "viewer/picture/ghosts.h"
 #include "viewer/picture/scene.h"
 #include "viewer/pose/skeleton.h"
@@ -62,7 +63,8 @@ struct FilmPlan {
     bool clear = false;
     std::array<float, 3> colour{};
     Image backdrop;                  // empty: none
-    std::optional<Capture> capture;  // whose frames are behind
+    std::optional<Capture> capture;  // whose frames are seen
+    FrameInFront front;              // how, or as Backdrop::Capture says
     double line = 1;                 // width of the floor's lines, pixels
     std::vector<FilmOther> others;
     std::vector<FilmFrame> frames;

@@ -147,9 +147,13 @@ void FilmThread::draw() {
         } else {
             std::shared_ptr<const Picture> own;
             if (captured && frame.captured) own = captured->load(*frame.captured);
-            std::vector<uint32_t> behind = backdropPixels(
-                width, height,
-                {plan_.colour, plan_.backdrop.empty() ? nullptr : &plan_.backdrop, own.get()});
+            BackdropSource source{plan_.colour, plan_.backdrop.empty() ? nullptr : &plan_.backdrop,
+                                  own.get()};
+            std::vector<uint32_t> front;
+            if (own && plan_.front.as > Backdrop::Capture)
+                front = backdropPixels(width, height, source);
+            source.marksPerson = plan_.front.as == Backdrop::Difference;
+            std::vector<uint32_t> behind = backdropPixels(width, height, source);
             if (frame.floor) {
                 std::vector<FloorBody> bodies{{verts, avatar.body.faces}};
                 for (size_t i = 0; i < others.size(); ++i)
@@ -161,7 +165,9 @@ void FilmThread::draw() {
             }
             drawGhosts(scene, frame.ghosts, plan_.betas, frame.camera, frame.view, behind);
             takePose();
-            image = asImage(drawn(behind), width, height);
+            std::vector<uint32_t> picture = drawn(behind);
+            if (!front.empty()) putInFront(picture, front, plan_.front, false);
+            image = asImage(picture, width, height);
         }
         plan_.pictures->add(image);
         ++drawn_;

@@ -72,9 +72,9 @@ void Viewer::startFilm(const fs::path& out, const FilmSettings& settings) {
                   .colour = settings_.colour,
                   .line = floorLine()};
     plan.shade.blueFirst = false;
-    const bool captured =
-        settings_.backdrop == Backdrop::Capture && capture() && settings_.captureCamera;
+    const bool captured = showsFrames();
     if (captured) plan.capture = capture()->capture;
+    plan.front = frameInFront();
     if (settings_.backdrop == Backdrop::Picture) plan.backdrop = backdropPicture_;
     const std::optional<Company::Row> row = this->row();
     for (size_t k = 0; row && k < others_.size(); ++k)

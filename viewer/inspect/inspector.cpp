@@ -76,7 +76,7 @@ void Viewer::seeFrame(size_t frame) {
     play(false);
     timeline_ = static_cast<double>(frame);
     settings_.captureCamera = true;
-    if (capture()) settings_.backdrop = Backdrop::Capture;
+    showFrames();
 }
 
 void Viewer::drawInspectTab() {

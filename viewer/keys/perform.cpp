@@ -97,7 +97,7 @@ void Viewer::perform(Action action, int digit) {
         case Action::CaptureCamera:
             if (!motion() || motion()->cameras.empty()) break;
             settings_.captureCamera = !settings_.captureCamera;
-            if (settings_.captureCamera && capture()) settings_.backdrop = Backdrop::Capture;
+            if (settings_.captureCamera) showFrames();
             break;
         case Action::SeeView:
             return seeBookmark(digit);

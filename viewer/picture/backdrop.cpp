@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/error.h"
+
 namespace doppel {
 
 namespace {
@@ -31,6 +33,9 @@ std::vector<uint32_t> backdropPixels(int width, int height, const BackdropSource
     if (const Picture* own = backdrop.frame) {
         Image image(own->width, own->height, 3);
         image.data = own->rgb;
+        if (backdrop.marksPerson)
+            for (size_t i = 0; i < own->mask.size(); ++i)
+                for (size_t c = 0; c < 3 && own->mask[i] > 0; ++c) image.data[3 * i + c] ^= 0x80;
         const double scale = std::min(static_cast<double>(width) / own->width,
                                       static_cast<double>(height) / own->height);
         const int wide = std::max(1, static_cast<int>(std::lround(own->width * scale)));
@@ -46,6 +51,23 @@ std::vector<uint32_t> backdropPixels(int width, int height, const BackdropSource
         place(resize(*picture, wide, high), (width - wide) / 2, (height - high) / 2);
     }
     return pixels;
+}
+
+void putInFront(std::span<uint32_t> picture, std::span<const uint32_t> frame,
+                const FrameInFront& how, bool blueFirst) {
+    CHECK(picture.size() == frame.size(), "the frame is as large as the picture");
+    for (size_t i = 0; i < picture.size(); ++i) {
+        uint32_t word = picture[i] & 0xff000000u;
+        for (size_t c = 0; c < 3; ++c) {
+            const size_t at = 8 * (blueFirst ? 2 - c : c);
+            const int own = int(picture[i] >> at & 0xff), other = int(frame[i] >> 8 * c & 0xff);
+            const int made = how.as == Backdrop::Difference
+                                 ? std::min(255, how.times * std::abs(own - other))
+                                 : int(std::lround(std::lerp(own, other, how.opacity)));
+            word |= static_cast<uint32_t>(made) << at;
+        }
+        picture[i] = word;
+    }
 }
 
 }  // namespace doppel
