@@ -139,6 +139,46 @@ TEST_F(InspectorTest, FindsTheTrainingFramesThatShowIt) {
     }
 }
 
+// Without a motion, or with another one, it is the capture that [source] names.
+TEST_F(InspectorTest, OpensTheCaptureOfTheTrainingByItself) {
+    ViewerOptions options;
+    options.avatar = *folder_ / "known/avatar";
+    const fs::path recorded = *folder_ / "recordings/box";
+    fs::create_directories(options.avatar.parent_path());
+    writeColouredCapture(recorded, turningMotion(6));
+    const Capture capture = readCapture(recorded);
+    Avatar avatar = plainAvatar();
+    avatar.provenance["capture_folder"] = captureFolder(options.avatar, recorded);
+    EXPECT_EQ(avatar.provenance["capture_folder"], "../../recordings/box");
+    writeAvatar(options.avatar, avatar);
+    writeTrainingPoses(options.avatar, capture, capture);
+
+    Viewer& viewer = open(options);
+    screen_->key("i");
+    settle();
+    clickAt(at(joint::kSpine3));
+    ASSERT_TRUE(viewer.sightings());
+    EXPECT_EQ(viewer.sightings()->frames, 6u);
+    EXPECT_EQ(viewer.frameCount(), 1) << "nothing plays yet";
+    ASSERT_TRUE(viewer.sightings()->best);
+    const size_t best = *viewer.sightings()->best;
+    clickItem("see that frame");
+    EXPECT_EQ(viewer.frameCount(), 6);
+    EXPECT_EQ(viewer.timeline(), double(best));
+    EXPECT_TRUE(viewer.settings().captureCamera);
+    EXPECT_EQ(viewer.settings().backdrop, Backdrop::Capture);
+    EXPECT_TRUE(viewer.sightings());
+
+    // Beside the avatar it is found as well; another person's capture is not taken.
+    fs::rename(recorded, *folder_ / "known/capture");
+    EXPECT_TRUE(trainedOn(options.avatar, avatar));
+    fs::remove_all(*folder_ / "known/capture");
+    Motion other = turningMotion(3);
+    for (Trans& trans : other.trans) trans[2] += 1;
+    writeColouredCapture(*folder_ / "known/capture", other);
+    EXPECT_FALSE(trainedOn(options.avatar, avatar));
+}
+
 // What stands before the point hides it.
 TEST_F(InspectorTest, WhatIsHiddenIsNotSeen) {
     const Avatar avatar = readAvatar(*folder_ / "avatar");

@@ -379,6 +379,7 @@ private:
     void inspectAt(double x, double y);
     void followInspected();
     void seeFrame(size_t frame);
+    const TrainedOn* trainedOnCapture();
     void drawInspectTab();
     void drawInspected(const Pane& pane) const;
 
@@ -528,10 +529,13 @@ private:
     std::optional<Inspected> inspected_;
     std::optional<Sightings> sightings_;
     std::unique_ptr<SightingSearch> search_;
+    // The capture of the avatar's training, looked for once somebody inspects.
+    std::optional<TrainedOn> trainedOn_;
+    std::weak_ptr<const LoadedAvatar> trainedOnOf_;
     // What the sightings are of.
     struct Searched {
         SurfacePoint point;
-        std::weak_ptr<const Motion> motion;
+        std::weak_ptr<const Motion> motion;  // that plays; expired: the capture of the training
         std::weak_ptr<const LoadedAvatar> avatar;
     };
     Searched searched_;

@@ -120,6 +120,34 @@ std::vector<TrainedFrame> trainedFrames(const std::filesystem::path& avatar, con
     return framesAmong(avatar, motion.theta, motion.trans);
 }
 
+std::optional<TrainedOn> trainedOn(const std::filesystem::path& folder, const Avatar& avatar) {
+    std::vector<std::filesystem::path> places;
+    if (const auto named = avatar.provenance.find("capture_folder");
+        named != avatar.provenance.end())
+        places.push_back(folder / named->second);
+    places.push_back(std::filesystem::absolute(folder).lexically_normal() / "../capture");
+    for (const std::filesystem::path& place : places) {
+        try {
+            if (!std::filesystem::is_directory(place)) continue;
+            Motion motion = readMotion(place);
+            std::vector<TrainedFrame> frames = trainedFrames(folder, motion);
+            if (!frames.empty())
+                return TrainedOn{place.lexically_normal(), std::move(frames),
+                                 std::move(motion.cameras)};
+        } catch (const std::exception&) {
+            continue;  // it was moved away, or is another one now: nobody has asked for it
+        }
+    }
+    return {};
+}
+
+std::string captureFolder(const std::filesystem::path& avatar,
+                          const std::filesystem::path& capture) {
+    std::error_code error;
+    const std::filesystem::path path = std::filesystem::proximate(capture, avatar, error);
+    return error ? std::string() : path.generic_string();
+}
+
 void takeTrainingPoses(std::span<const TrainedFrame> known, Motion& motion) {
     // What training changed of a frame.
     struct Correction {

@@ -5,9 +5,12 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
+#include "trainer/avatar/avatar.h"
 #include "trainer/data/capture.h"
 #include "trainer/motion/motion.h"
 
@@ -41,6 +44,21 @@ struct TrainedFrame {
 // Those of the motion's frames, as it was read, told likewise; none where it is no capture.
 // InputError likewise.
 std::vector<TrainedFrame> trainedFrames(const std::filesystem::path& avatar, const Motion& motion);
+
+// The capture that an avatar was trained on, with its frames that were.
+struct TrainedOn {
+    std::filesystem::path capture;
+    std::vector<TrainedFrame> frames;
+    std::vector<Camera> cameras;  // one per frame of the capture
+};
+
+// By `capture_folder` of the avatar's [source], from the avatar's folder, or else that with the
+// name that `doppel avatar` gives it, beside the avatar. Nothing where none of them is a capture
+// with frames that the avatar was trained on.
+std::optional<TrainedOn> trainedOn(const std::filesystem::path& folder, const Avatar& avatar);
+// As [source] has it.
+std::string captureFolder(const std::filesystem::path& avatar,
+                          const std::filesystem::path& capture);
 
 // Gives these of the motion's frames, as it was read, the poses that training found. A frame within
 // half a second of one is corrected as that is, and between two of them by what lies between their

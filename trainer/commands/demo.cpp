@@ -14,6 +14,7 @@
 #include "trainer/avatar/background.h"
 #include "trainer/avatar/export.h"
 #include "trainer/avatar/rendering.h"
+#include "trainer/avatar/training_poses.h"
 #include "trainer/avatar/sheet.h"
 #include "trainer/commands/command.h"
 #include "trainer/data/output_folder.h"
@@ -143,6 +144,7 @@ void runDemo(const DemoOptions& options) {
     avatar.body = bodyFromNpz(avatar.bodyArrays);
     avatar.preset = options.preset;
     avatar.provenance["capture"] = capture.name;
+    avatar.provenance["capture_folder"] = captureFolder(out / "avatar", capture.folder);
     avatar.provenance["command"] = options.common.commandLine;
     avatar.provenance["seed"] = fmt::format("{}", options.common.seed);
     TrainSettings settings;

@@ -11,6 +11,7 @@
 
 #include "nn/body/body_caps.h"
 #include "trainer/avatar/checkpoint.h"
+#include "trainer/avatar/training_poses.h"
 #include "trainer/commands/command.h"
 #include "trainer/data/frame_selection.h"
 #include "trainer/data/output_folder.h"
@@ -173,6 +174,7 @@ void runTrain(const TrainOptions& options) {
         if (stage.isIn && stage.isIn(avatar) && !trains(stage))
             copySection(avatar.preset, before, stage.name);
     avatar.provenance["capture"] = capture.name;
+    avatar.provenance["capture_folder"] = captureFolder(options.out, capture.folder);
     if (!capture.actor.empty()) avatar.provenance["actor"] = capture.actor;
     avatar.provenance["command"] = options.common.commandLine;
     avatar.provenance["precision"] = options.common.precision;

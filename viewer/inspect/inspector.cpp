@@ -51,19 +51,22 @@ void Viewer::inspectAt(double x, double y) {
 // Takes the sightings that were found, and looks for those of another point, motion or avatar.
 void Viewer::followInspected() {
     const OpenedMotion* opened = openedMotion();
-    const bool known = inspected_ && opened && !opened->trained.empty();
+    const bool plays = opened && !opened->trained.empty();
+    const TrainedOn* own = inspected_ && !plays ? trainedOnCapture() : nullptr;
+    const bool known = inspected_ && (plays || own);
+    const std::shared_ptr<const Motion> of = plays ? editor_->motion() : nullptr;
     const bool same = known && searched_.point == inspected_->point &&
-                      searched_.motion.lock() == editor_->motion() &&
-                      searched_.avatar.lock() == avatar_;
+                      searched_.motion.lock() == of && searched_.avatar.lock() == avatar_;
     if (!same) {
         search_.reset();
         sightings_.reset();
         searched_ = {};
         if (!known) return;
-        searched_ = {inspected_->point, editor_->motion(), avatar_};
+        searched_ = {inspected_->point, of, avatar_};
         search_ = std::make_unique<SightingSearch>(
             options_.device, std::shared_ptr<const Avatar>(avatar_, &avatar_->avatar),
-            opened->trained, motion()->cameras, inspected_->point);
+            plays ? opened->trained : own->frames, plays ? motion()->cameras : own->cameras,
+            inspected_->point);
     } else if (search_ && !search_->busy()) {
         const std::unique_ptr<SightingSearch> done = std::move(search_);
         sightings_ = done->take();
@@ -71,8 +74,30 @@ void Viewer::followInspected() {
     }
 }
 
-// As the frame's own camera saw it, over its picture where that is open.
+// Null where it is not there any more.
+const TrainedOn* Viewer::trainedOnCapture() {
+    if (trainedOnOf_.lock() != avatar_) {
+        trainedOnOf_ = avatar_;
+        trainedOn_ = trainedOn(source_.folder(), avatar_->avatar);
+    }
+    return trainedOn_ ? &*trainedOn_ : nullptr;
+}
+
+// As the frame's own camera saw it, over its picture where that is open. Where another motion plays
+// the capture of the training takes its place.
 void Viewer::seeFrame(size_t frame) {
+    if (searched_.motion.expired() && trainedOn_) {
+        const std::filesystem::path capture = trainedOn_->capture;
+        afterSaving(
+            "Opening the capture of the training puts away what you edited, which is not "
+            "saved.",
+            [this, capture, frame] {
+                loadMotion(capture);
+                searched_.motion = editor_->motion();
+                seeFrame(frame);
+            });
+        return;
+    }
     play(false);
     timeline_ = static_cast<double>(frame);
     settings_.captureCamera = true;
@@ -102,7 +127,8 @@ void Viewer::drawInspectTab() {
         else if (!sightings_)
             addRow(
                 "seen",
-                "not known: what plays is no capture with frames that the avatar was trained on");
+                "not known: neither what plays nor what lies beside the avatar is the capture that "
+                "it was trained on; open that");
         else
             addRow("seen", fmt::format("in {} of {} training frames{}", sightings_->seen,
                                        sightings_->frames,
@@ -112,8 +138,10 @@ void Viewer::drawInspectTab() {
         ImGui::EndTable();
     }
     if (sightings_ && sightings_->best &&
-        button("see that frame", "Goes there, through the capture's camera."))
-        seeFrame(*sightings_->best);
+        button("see that frame",
+               "Goes there, through the capture's camera; opens the capture where that does not "
+               "play."))
+        attempt([&] { seeFrame(*sightings_->best); });
     hint(
         "Seen: the poses that training found have it in the picture, turned to the camera, with "
         "nothing of the body before it.");
