@@ -46,12 +46,12 @@ void Viewer::drawPanel() {
     // Labels stand to the right of what they name.
     ImGui::PushItemWidth(-ImGui::CalcTextSize("field of view  ").x);
     if (ImGui::BeginTabBar("tabs")) {
-        const auto drawTab = [&](const char* label, void (Viewer::*draw)()) {
+        const auto drawTab = [&](const char* label, void (Viewer::*content)()) {
             const bool show = tabWanted_ == label;
             if (show) tabWanted_.clear();
             if (!tab(label, show)) return;
             tab_ = label;
-            (this->*draw)();
+            (this->*content)();
             ImGui::EndTabItem();
         };
         drawTab("View", &Viewer::drawViewTab);
@@ -458,9 +458,6 @@ void Viewer::drawFilesTab() {
     beside("poses, .npz");
     if (button("poses, .npz", keys_.tip("The motion with what was edited", Action::Save)))
         attempt([&] { save(); });
-    beside("picture");
-    if (button("picture", keys_.tip("What is seen now", Action::Picture)))
-        attempt([&] { saveScreenshot(freeName("doppel", ".png")); });
     if (export_) hint("writing glTF ...");
     if (const SavedFile file = savedFile(); !file.path.empty())
         hint(keys_.keyOf(Action::Save) + " saves in " + file.path.filename().string());

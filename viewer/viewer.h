@@ -141,10 +141,14 @@ public:
     void loadPicture(const std::filesystem::path& path);
     void startFilm(const std::filesystem::path& out, const FilmSettings& settings = {});
     void startFilmAsSet();  // as the panel says
+    // One pane's, drawn in the background as a film is.
+    void drawPicture(const std::filesystem::path& out, const PictureSettings& settings);
     void startExport(const std::filesystem::path& out);
     void cancelFilm();
     float filmProgress() const;
+    // All panes as they are seen.
     void saveScreenshot(const std::filesystem::path& path);
+    void savePicture();  // as the panel says
     bool working() const { return film_ || export_; }
 
 private:
@@ -261,6 +265,8 @@ private:
     Motion shownMotion() const;
 
     // films/filming.cpp
+    FilmPlan filmPlan(const std::filesystem::path& out, const FilmSettings& settings);
+    void draw(FilmPlan plan);
     void advanceFilm();
     void askToGiveFilmUp();
     void askToLeaveFilm();
@@ -546,6 +552,7 @@ private:
     Image filmPicture_;                 // that was drawn last
     std::vector<uint32_t> filmPixels_;  // of it, as the window shows them
     FilmSettings filmSettings_;         // of the panel
+    PictureSettings pictureSettings_;   // likewise
     int filmKind_ = 0;                  // of videoKinds(), and behind them a folder of pictures
     std::unique_ptr<ExportJob> export_;
     std::array<char, 512> pathText_{};

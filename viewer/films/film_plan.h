@@ -26,7 +26,18 @@ struct FilmSettings {
     int first = 0, last = -1;
     // Nothing behind the avatar, floor and ghosts neither: the kinds that keep alpha have it.
     bool clear = false;
+    int samples = 2;  // per pixel and axis
+    // The camera goes once round what it looks at; a pose held still takes so many seconds for it.
+    bool turntable = false;
+    int turnSeconds = 6;
     bool operator==(const FilmSettings&) const = default;
+};
+
+// Of a picture that is drawn as a film is.
+struct PictureSettings {
+    int size = 0;        // as a film's
+    bool clear = false;  // likewise
+    bool operator==(const PictureSettings&) const = default;
 };
 
 struct FilmFrame {
@@ -50,8 +61,8 @@ struct FilmOther {
 
 struct FilmPlan {
     std::filesystem::path out;
-    std::unique_ptr<PictureSequence> pictures;
-    DeviceOptions device;  // that draws it
+    std::unique_ptr<PictureSequence> pictures;  // null: one picture, which is written to `out`
+    DeviceOptions device;                       // that draws it
     std::shared_ptr<const LoadedAvatar> avatar;
     Betas betas{};
     MeshKind mesh = MeshKind::Refined;
@@ -59,7 +70,7 @@ struct FilmPlan {
     bool painted = false;       // by the networks, for each frame
     std::vector<float> texels;  // else the texture, as Scene::setTexture() takes it
     ShadeOptions shade;
-    int width = 0, height = 0;
+    int width = 0, height = 0, samples = 2;
     bool clear = false;
     std::array<float, 3> colour{};
     Image backdrop;                  // empty: none

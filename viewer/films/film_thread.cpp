@@ -14,8 +14,6 @@ namespace doppel {
 
 namespace {
 
-constexpr int kSamples = 2;  // per pixel and axis
-
 // Straight alpha of what was drawn over black and over white, whose difference is what is not
 // covered: white - black = 255 (1 - alpha), black = alpha colour.
 Image withAlpha(const std::vector<uint32_t>& black, const std::vector<uint32_t>& white, int width,
@@ -64,7 +62,10 @@ Image previewOf(const Image& image) {
 }  // namespace
 
 FilmThread::FilmThread(FilmPlan plan, std::function<void()> progressed)
-    : plan_(std::move(plan)), progressed_(std::move(progressed)), thread_([this] { work(); }) {}
+    : plan_(std::move(plan)),
+      isPicture_(!plan_.pictures),
+      progressed_(std::move(progressed)),
+      thread_([this] { work(); }) {}
 
 FilmThread::~FilmThread() {
     stop_ = true;
@@ -135,10 +136,10 @@ void FilmThread::draw() {
                 ShadeOptions shade = plan_.shade;
                 shade.inset = 0;
                 behind = others[i]->draw(other.mesh, frame.camera, frame.view, shade, behind,
-                                         kSamples, {}, &depths);
+                                         plan_.samples, {}, &depths);
             }
-            return scene.draw(plan_.mesh, frame.camera, frame.view, plan_.shade, behind, kSamples,
-                              {}, others.empty() ? nullptr : &depths);
+            return scene.draw(plan_.mesh, frame.camera, frame.view, plan_.shade, behind,
+                              plan_.samples, {}, others.empty() ? nullptr : &depths);
         };
         Image image;
         if (plan_.clear) {
@@ -169,7 +170,7 @@ void FilmThread::draw() {
             if (!front.empty()) putInFront(picture, front, plan_.front, false);
             image = asImage(picture, width, height);
         }
-        plan_.pictures->add(image);
+        plan_.pictures ? plan_.pictures->add(image) : writeImage(plan_.out, image);
         ++drawn_;
         {
             std::lock_guard lock(mutex_);
@@ -177,7 +178,7 @@ void FilmThread::draw() {
         }
         progressed_();
     }
-    plan_.pictures->finish();
+    if (plan_.pictures) plan_.pictures->finish();
 }
 
 }  // namespace doppel

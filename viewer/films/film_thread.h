@@ -23,6 +23,7 @@ public:
     FilmThread& operator=(const FilmThread&) = delete;
 
     const std::filesystem::path& out() const { return plan_.out; }
+    bool isPicture() const { return isPicture_; }
     // Part of the frames that are drawn.
     float progress() const;
     bool ended() const { return ended_; }
@@ -38,6 +39,7 @@ private:
     void draw();
 
     FilmPlan plan_;
+    const bool isPicture_;
     std::function<void()> progressed_;
     std::atomic<size_t> drawn_ = 0;
     std::atomic<bool> stop_ = false, ended_ = false;

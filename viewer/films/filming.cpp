@@ -32,6 +32,10 @@ const std::vector<std::string>& filmKinds() {
 bool isPictures(int kind) { return size_t(kind) >= videoKinds().size(); }
 bool keepsAlpha(int kind) { return isPictures(kind) || videoKinds()[size_t(kind)].keepsAlpha(); }
 
+constexpr Choice kSizes[] = {{"as in the window", 0}, {"480", 480},   {"720", 720},
+                             {"1080", 1080},          {"1920", 1920}, {"3840", 3840}};
+constexpr Choice kSamples[] = {{"1", 1}, {"4", 2}, {"16", 4}};  // per axis
+
 constexpr float kPreviewSide = 170;  // window units
 
 }  // namespace
@@ -44,8 +48,38 @@ void Viewer::startFilmAsSet() {
               asked);
 }
 
+void Viewer::savePicture() {
+    const fs::path out = freeName("doppel", ".png");
+    if (pictureSettings_ == PictureSettings{})
+        saveScreenshot(out);
+    else
+        drawPicture(out, pictureSettings_);
+}
+
 void Viewer::startFilm(const fs::path& out, const FilmSettings& settings) {
-    if (film_) throwInput("a film is being drawn already");
+    FilmPlan plan = filmPlan(out, settings);
+    const VideoOptions video{.alpha = settings.clear};
+    plan.pictures = std::make_unique<PictureSequence>(out, plan.width, plan.height, fps(), video);
+    draw(std::move(plan));
+}
+
+void Viewer::drawPicture(const fs::path& out, const PictureSettings& settings) {
+    const int now = static_cast<int>(timeline_);
+    constexpr int kFine = 4;
+    draw(filmPlan(out, {.size = settings.size,
+                        .first = now,
+                        .last = now,
+                        .clear = settings.clear,
+                        .samples = kFine}));
+}
+
+void Viewer::draw(FilmPlan plan) {
+    film_ = std::make_unique<FilmThread>(std::move(plan), [] { glfwPostEmptyEvent(); });
+    filmPicture_ = {};
+}
+
+FilmPlan Viewer::filmPlan(const fs::path& out, const FilmSettings& settings) {
+    if (film_) throwInput("a film or a picture is being drawn already");
     if (panes_.empty()) throwInput("there is no picture to film");
     Pane pane = panes_.back().other ? panes_.front() : panes_.back();
     pane.x = pane.viewX;  // of a part of a view the whole
@@ -68,11 +102,12 @@ void Viewer::startFilm(const fs::path& out, const FilmSettings& settings) {
                   .shade = shadeOptions(pane),
                   .width = pane.width,
                   .height = pane.height,
+                  .samples = settings.samples,
                   .clear = settings.clear,
                   .colour = settings_.colour,
                   .line = floorLine()};
     plan.shade.blueFirst = false;
-    const bool captured = showsFrames();
+    const bool captured = showsFrames() && !settings.turntable;
     if (captured) plan.capture = capture()->capture;
     plan.front = frameInFront();
     if (settings_.backdrop == Backdrop::Picture) plan.backdrop = backdropPicture_;
@@ -81,15 +116,25 @@ void Viewer::startFilm(const fs::path& out, const FilmSettings& settings) {
         plan.others.push_back({others_[k].loaded(),
                                others_[k].betasFor(plan.betas, avatar_->avatar),
                                others_[k].mesh(pane.mesh), others_[k].texture()});
-    for (int64_t i = first; i <= last; ++i) {
+    // A pose that is held still is seen from all sides as well.
+    const bool held = settings.turntable && first == last;
+    const int64_t count =
+        held ? std::max<int64_t>(2, std::llround(settings.turnSeconds * fps())) : last - first + 1;
+    for (int64_t k = 0; k < count; ++k) {
+        const int64_t i = held ? first : first + k;
         // Without a timeline what is shown now.
         const double time = frameCount() > 1 ? static_cast<double>(i) : timeline_;
         FilmFrame frame;
         frame.pose = editor_->poseAt(time);
         frame.view = view();
         frame.camera = viewCameraOf(pane, time);
-        for (size_t k = 0; k < plan.others.size(); ++k)
-            frame.offsets.push_back(others_.offset(k, plan.betas, avatar_->avatar, *row));
+        if (settings.turntable) {
+            const double turns = static_cast<double>(k) / static_cast<double>(count);
+            frame.view = orbit_.turned(turns).view();
+            frame.camera = orbit_.camera(pane.width, pane.height);
+        }
+        for (size_t other = 0; other < plan.others.size(); ++other)
+            frame.offsets.push_back(others_.offset(other, plan.betas, avatar_->avatar, *row));
         if (!settings.clear) {
             if (settings_.floor) frame.floor = worldToFloor(time);
             frame.ghosts = ghosts(time);
@@ -97,10 +142,7 @@ void Viewer::startFilm(const fs::path& out, const FilmSettings& settings) {
         if (captured) frame.captured = static_cast<size_t>(i);
         plan.frames.push_back(std::move(frame));
     }
-    const VideoOptions video{.alpha = settings.clear};
-    plan.pictures = std::make_unique<PictureSequence>(out, pane.width, pane.height, fps(), video);
-    film_ = std::make_unique<FilmThread>(std::move(plan), [] { glfwPostEmptyEvent(); });
-    filmPicture_ = {};
+    return plan;
 }
 
 void Viewer::advanceFilm() {
@@ -112,7 +154,7 @@ void Viewer::advanceFilm() {
     const std::unique_ptr<FilmThread> film = std::move(film_);
     const bool leaves = std::exchange(leaveAfterFilm_, false);
     film->finish();
-    say(fmt::format("film in {}", film->out().string()));
+    say(fmt::format("{} in {}", film->isPicture() ? "picture" : "film", film->out().string()));
     if (leaves) window_.close();
 }
 
@@ -190,9 +232,14 @@ void Viewer::drawFilmControls(bool enabled) {
         kinds.push_back({name.c_str(), static_cast<int>(kinds.size())});
     choose("film as", "The kind of file.", kinds.data(), kinds.size(), filmKind_);
     const bool alpha = keepsAlpha(filmKind_);
-    constexpr Choice kSizes[] = {{"as in the window", 0}, {"480", 480},   {"720", 720},
-                                 {"1080", 1080},          {"1920", 1920}, {"3840", 3840}};
     choose("film size", "Pixels of the longer side.", kSizes, filmSettings_.size);
+    choose("samples", "Per pixel of a film: more are smoother, and take as much longer.", kSamples,
+           filmSettings_.samples);
+    checkbox("turntable", "The camera goes once round, as render --camera turntable.",
+             filmSettings_.turntable);
+    if (filmSettings_.turntable && frameCount() == 1)
+        slider("seconds", "That going round the pose takes.", filmSettings_.turnSeconds, 1, 30,
+               "%d s");
     if (const int end = int(frameCount()) - 1; end > 0) {
         int first = std::min(filmSettings_.first, end),
             last = filmSettings_.last < 0 ? end : std::min(filmSettings_.last, end);
@@ -211,6 +258,22 @@ void Viewer::drawFilmControls(bool enabled) {
                keys_.tip("Draws these frames as they are seen, in the background", Action::Film),
                enabled))
         attempt([&] { startFilmAsSet(); });
+    // Whoever compares may expect both.
+    if (panes_.size() > 1) {
+        const bool first = panes_.back().other;
+        const std::vector<std::string> names = paneNames();
+        if (!names.empty())
+            hint(fmt::format("of one pane: {}", first ? names.front() : names.back()));
+    }
+    choose("picture size", "Pixels of the longer side of a picture.", kSizes,
+           pictureSettings_.size);
+    checkbox("transparent", "A picture with nothing behind the avatar, for other programs.",
+             pictureSettings_.clear);
+    if (button(
+            "picture",
+            keys_.tip("As it is seen now, or as large and clear as is said above", Action::Picture),
+            enabled))
+        attempt([&] { savePicture(); });
     if (!film_) return;
     ImGui::ProgressBar(filmProgress(), {-1, 0});
     if (button("give up", "Ends the film; nothing of it is left.")) cancelFilm();

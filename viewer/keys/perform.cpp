@@ -178,7 +178,7 @@ void Viewer::perform(Action action, int digit) {
         case Action::SaveAs:
             return chooseNewFile();
         case Action::Picture:
-            return saveScreenshot(freeName("doppel", ".png"));
+            return savePicture();
         case Action::Film:
             return startFilmAsSet();
         case Action::Larger:

@@ -33,6 +33,12 @@ Camera OrbitCamera::camera(int width, int height) const {
     return {f, f, width / 2.0, height / 2.0, width, height};
 }
 
+OrbitCamera OrbitCamera::turned(double turns) const {
+    OrbitCamera camera = *this;
+    camera.yaw += 2 * std::acos(-1.0) * turns;
+    return camera;
+}
+
 void OrbitCamera::orbit(double right, double down, int height) {
     double radians = 3.2 / std::max(height, 1);
     yaw = std::remainder(yaw - right * radians, 2 * std::acos(-1.0));

@@ -22,6 +22,10 @@ struct OrbitCamera {
     ViewTransform view() const;
     Camera camera(int width, int height) const;
 
+    // The same having gone around by so many turns, as turned() has it
+    // (trainer/avatar/rendering.h).
+    OrbitCamera turned(double turns) const;
+
     // Mouse movement in pixels of a picture with this many rows: what is near moves with the mouse.
     void orbit(double right, double down, int height);
     void pan(double right, double down, int height);
