@@ -2,6 +2,7 @@
 #include <sys/wait.h>
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 
 #include "engine/error.h"
 #include "tests/viewer_test.h"
@@ -437,6 +438,23 @@ TEST_F(ViewerTest, TheCameraIsCopiedAsTheCommandTakesIt) {
     };
     expectBefore(viewer.camera());
     expectBefore(readCameraText(text.substr(9)));
+    // For other programs: where a point is on the picture.
+    const std::string json = cameraJson(before, 300, 200);
+    expectBefore(readCameraText(json));
+    const auto read = nlohmann::json::parse(json);
+    const glm::dvec3 point(.3, .1, 2.8);
+    const glm::dvec3 expected = projected(point, before.view(), before.camera(300, 200));
+    glm::dvec3 seen(0);
+    for (int row = 0; row < 3; ++row)
+        for (int k = 0; k < 4; ++k)
+            seen[row] +=
+                read["extrinsic"][size_t(row)][size_t(k)].get<double>() * (k < 3 ? point[k] : 1);
+    for (int k = 0; k < 2; ++k) {
+        const auto& intrinsic = read["intrinsic"][size_t(k)];
+        EXPECT_NEAR(
+            intrinsic[size_t(k)].get<double>() * seen[k] / seen.z + intrinsic[2].get<double>(),
+            expected[k], 1e-6);
+    }
     for (const char* wrong : {"", "1,2,3", "1,2,-3,0,0,0,40", "1,2,3,0,0,0,40,wide",
                               "nan,2,3,0,0,0,40", "1,2,3,0,0,1e9,40", "1,2,3,0,0,0,40,"})
         EXPECT_NE(messageOf<InputError>([&] { readCameraText(wrong); }).find("camera: expected"),

@@ -88,6 +88,61 @@ TEST_F(ViewerTest, AnotherAvatarIsTheOtherPartOfThePicture) {
     }
 }
 
+// A motion of more than one body: who moved is beside the avatar that moves so.
+TEST_F(ViewerTest, WhatAMotionComesFromIsBesideTheAvatar) {
+    Viewer& viewer = open();
+    screen_->key("b");
+    screen_->key("b");
+    settle();
+    EXPECT_EQ(viewer.settings().split, Split::Textures);
+    screen_->key("b");
+    settle();
+    EXPECT_EQ(viewer.settings().split, Split::None) << "without a motion there is no source";
+
+    Motion motion = turningMotion(4);
+    const fs::path poses = *folder_ / "source.npz";
+    writeNpz(poses, posesArrays(motion.theta, motion.trans, {}), false);
+    viewer.loadMotion(poses);
+    viewer.settings().split = Split::Source;
+    viewer.settings().divided = viewer.settings().joints = false;
+    settle();
+    ASSERT_EQ(viewer.panes().size(), 2u);
+    const int line = viewer.panes()[1].x;
+    const auto half = [&](const Image& image, int from) {
+        Image part(line - 8, image.height - 120, 3);
+        for (int y = 0; y < part.height; ++y)
+            for (int x = 0; x < part.width; ++x)
+                for (int c = 0; c < 3; ++c) part.pixel(x, y)[c] = image.pixel(from + x, y + 60)[c];
+        return part;
+    };
+    const Image body = picture();
+    EXPECT_GT(shareOfAvatar(half(body, 0)), .03) << "a body of clay";
+    EXPECT_GT(difference(half(body, 0), half(body, line)), .03);
+    // An edit is the avatar's alone; a frame on, both go on.
+    Pose pose = viewer.editor().pose();
+    pose.rotation[joint::kLeftShoulder] = {0, 0, 1};
+    viewer.editor().setPose(pose);
+    settle();
+    const Image edited = picture();
+    EXPECT_LT(difference(half(body, 0), half(edited, 0)), .001);
+    EXPECT_GT(difference(half(body, line), half(edited, line)), .01);
+    for (int i = 0; i < 2; ++i) screen_->key("Right");
+    settle();
+    EXPECT_GT(difference(half(edited, 0), half(picture(), 0)), .01);
+
+    // Of a capture it is the frame.
+    writeColouredCapture(*folder_ / "recorded", motion);
+    viewer.editor().markSaved();
+    viewer.loadMotion(*folder_ / "recorded");
+    settle();
+    for (int f : {0, 1}) {
+        const Image seen = picture();
+        EXPECT_NEAR(seen.pixel(line / 2, seen.height / 2)[f], 200, 3) << f;
+        screen_->key("Right");
+        settle();
+    }
+}
+
 TEST_F(ViewerTest, ADividedPictureIsTheWholeOnes) {
     Viewer& viewer = open();
     const Image whole = picture();

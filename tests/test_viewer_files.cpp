@@ -62,6 +62,31 @@ TEST_F(ViewerTest, AnotherAvatarTakesPoseMotionAndView) {
 }
 
 // Poses are kept as files, which are chosen by their figures, named and forgotten.
+// By what they hold; what is nothing of that says what to do.
+TEST_F(ViewerTest, WhatIsOpenedTellsByContentWhatItIs) {
+    Viewer& viewer = open();
+    const fs::path keys = *folder_ / "my keys.toml";
+    std::ofstream(keys) << "preset = \"gltf\"\nplay = [\"P\"]\n";
+    viewer.openFile(keys);
+    EXPECT_EQ(viewer.keys().keyOf(Action::Play), "P");
+    const auto refusal = [&](const fs::path& path) {
+        return messageOf<InputError>([&] { viewer.openFile(path); });
+    };
+    const fs::path clip = *folder_ / "clip.mp4";
+    viewer.startFilm(clip, {.size = 64, .turntable = true, .turnSeconds = 1});
+    for (int i = 0; i < 500 && viewer.working(); ++i) viewer.frame();
+    fs::rename(clip, *folder_ / "clip");
+    EXPECT_NE(refusal(*folder_ / "clip").find("makes a capture of a clip"), std::string::npos)
+        << refusal(*folder_ / "clip");
+    fs::create_directories(*folder_ / "pictures");
+    EXPECT_NE(refusal(*folder_ / "pictures").find("`doppel import "), std::string::npos)
+        << refusal(*folder_ / "pictures");
+    std::ofstream(*folder_ / "notes.txt") << "nothing";
+    EXPECT_NE(refusal(*folder_ / "notes.txt").find("the window opens avatars, captures"),
+              std::string::npos)
+        << refusal(*folder_ / "notes.txt");
+}
+
 TEST_F(ViewerTest, PosesAreKeptForAllAvatars) {
     ViewerOptions options;
     options.width = 980, options.height = 740;

@@ -71,8 +71,8 @@ TEST_F(InspectorTest, TellsWhatIsClickedOn) {
     EXPECT_FALSE(found.origin) << "the avatar does not say";
     EXPECT_FALSE(viewer.sightings()) << "nor which frames it is from";
     EXPECT_NO_THROW(
-        itemAt("not known: what plays is no capture with frames that the avatar was "
-               "trained on"));
+        itemAt("not known: neither what plays nor what lies beside the avatar is the capture that "
+               "it was trained on; open that"));
 
     clickAt({6, 200});  // beside the body
     EXPECT_FALSE(viewer.inspected());

@@ -194,7 +194,7 @@ void Viewer::drawQuestion() {
             ImGui::Spacing();
             for (size_t i = 0; i < question_->answers.size(); ++i) {
                 if (i > 0) ImGui::SameLine();
-                if (button(question_->answers[i].label.c_str(), ""))
+                if (button(question_->answers[i].label.c_str(), question_->answers[i].does))
                     chosen = question_->answers[i].label;
             }
         } else {

@@ -8,6 +8,7 @@
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
 #include "engine/files/ending.h"
+#include "engine/io/video.h"
 #include "trainer/avatar/rendering.h"
 #include "trainer/avatar/training_poses.h"
 #include "trainer/data/frame_selection.h"
@@ -42,6 +43,26 @@ bool isThere(const fs::path& path) {
     return fs::exists(fs::symlink_status(path, ignored));
 }
 
+bool isClip(const fs::path& path) {
+    try {
+        return VideoReader(path).duration() > 0;
+    } catch (const std::exception&) {
+        return false;
+    }
+}
+
+// What makes something of it that the window shows; empty: nothing does.
+std::string importAdvice(const fs::path& path) {
+    std::error_code ignored;
+    const bool folder = fs::is_directory(path, ignored) && !isThere(path / "poses.npz");
+    if (!folder && !isClip(path)) return {};
+    return fmt::format(
+        "; `doppel import {0} --out CAPTURE` makes a capture of {1}, `doppel avatar {0} --out DIR` "
+        "an "
+        "avatar",
+        path.string(), folder ? "pictures and of what other programs wrote" : "a clip");
+}
+
 // Or will be, once another window or a film has finished it.
 bool isTaken(const fs::path& path) {
     return isThere(path) || isBeingWritten(path) || isFolderBeingWritten(path);
@@ -55,8 +76,9 @@ bool isTaken(const fs::path& path) {
 Take Viewer::readForPlaying(const fs::path& path, const std::string& frames) {
     std::optional<Take> take = frames.empty() ? readTake(path) : std::nullopt;
     std::vector<TrainedFrame> trained;
+    std::shared_ptr<const Motion> played;
     if (!take) {
-        Motion read = readMotion(path);
+        Motion read = readMotion(path), source = read;
         const std::vector<TrainedFrame> known = trainedFrames(source_.folder(), read);
         Retargeted retargeted =
             performed(avatar_->avatar, source_.folder(), std::move(read), options_.retarget);
@@ -68,16 +90,22 @@ Take Viewer::readForPlaying(const fs::path& path, const std::string& frames) {
                 trained.push_back({i, at->theta, at->trans});
         }
         Motion motion = retargeted.motion.subset(chosen);
+        source = source.subset(chosen);
         std::optional<Capture> pictures;
         if (motion.cameras.empty()) {
             // Upright, and where the avatar stands before it moves.
             motion = inCameraSpace(std::move(motion));
-            Trans first = motion.trans[0], place = restShot(device_, avatar_->avatar, 512).trans;
-            for (Trans& trans : motion.trans)
-                for (size_t k = 0; k < 3; ++k) trans[k] += place[k] - first[k];
+            source = inCameraSpace(std::move(source));
+            const Trans place = restShot(device_, avatar_->avatar, 512).trans;
+            for (Motion* placed : {&motion, &source}) {
+                const Trans first = placed->trans[0];
+                for (Trans& trans : placed->trans)
+                    for (size_t k = 0; k < 3; ++k) trans[k] += place[k] - first[k];
+            }
         } else if (fs::is_directory(path / "images")) {
             pictures = readCapture(path).subset(chosen);
         }
+        played = std::make_shared<const Motion>(std::move(source));
         take.emplace();
         take->motion = std::make_shared<const Motion>(std::move(motion));
         std::erase_if(captures_, [](const OpenCapture& open) { return open.motion.expired(); });
@@ -87,7 +115,7 @@ Take Viewer::readForPlaying(const fs::path& path, const std::string& frames) {
         }
     }
     std::erase_if(motions_, [](const OpenedMotion& open) { return open.motion.expired(); });
-    if (take->motion) motions_.push_back({take->motion, path, frames, std::move(trained)});
+    if (take->motion) motions_.push_back({take->motion, path, frames, std::move(trained), played});
     return std::move(*take);
 }
 
@@ -143,16 +171,38 @@ void Viewer::pastePose(const fs::path& path) {
 
 void Viewer::openFile(const fs::path& path) {
     if (path.filename() == "avatar.toml") return openAvatar(path.parent_path());
-    if (LiveAvatar::isAvatar(path)) return openAvatar(path);
+    const bool mixes = settings_.panel && tab_ == kMixTab;
+    if (LiveAvatar::isAvatar(path)) return mixes ? mixWith(path) : openAvatar(path);
     const std::string extension = endingOf(path);
-    if (extension == ".json")
-        pastePose(path);
-    else if (isMotion(path))
+    if (isMotion(path))
         afterSaving(fmt::format("Opening {} puts away what you edited, which is not saved.",
                                 path.filename().string()),
-                    [this, path] { loadMotion(path); });
+                    [this, path] {
+                        try {
+                            loadMotion(path);
+                        } catch (const InputError& error) {
+                            throwInput("{}{}", error.what(), importAdvice(path));
+                        }
+                    });
+    else if (extension == ".json")
+        pastePose(path);
+    else if (extension == ".toml")
+        chooseKeys(path.string());
     else
+        openPicture(path);
+}
+
+void Viewer::openPicture(const fs::path& path) {
+    try {
         loadPicture(path);
+    } catch (const InputError& error) {
+        const std::string advice = importAdvice(path);
+        throwInput("{}{}", error.what(),
+                   !advice.empty()
+                       ? advice
+                       : "; the window opens avatars, captures, motions, poses (.json), "
+                         "keys (.toml) and pictures");
+    }
 }
 
 void Viewer::askForFile(FileDialog::Asks asks, const std::string& title,
@@ -247,9 +297,10 @@ void Viewer::askToOverwrite(const fs::path& path) {
          {{"Save beside it",
            [this, path] {
                savePoses(freeName((path.parent_path() / path.stem()).string(), ".npz"));
-           }},
-          {"Overwrite it", [this, path] { savePoses(path); }},
-          {"Cancel", {}}}});
+           },
+           "Under the next free name in the same folder."},
+          {"Overwrite it", [this, path] { savePoses(path); }, "What is there is lost."},
+          {"Cancel", {}, "Saves nothing."}}});
 }
 
 void Viewer::saveScreenshot(const fs::path& path) {
@@ -301,9 +352,10 @@ void Viewer::afterSaving(const std::string& what, std::function<void()> then) {
            [this, then] {
                save();
                if (!editor_->modified()) then();
-           }},
-          {"Do not save", then},
-          {"Cancel", {}}}});
+           },
+           "Saves it, then goes on."},
+          {"Do not save", then, "What you edited is lost."},
+          {"Cancel", {}, "Leaves all as it is."}}});
 }
 
 void Viewer::askToLeave() {
@@ -408,12 +460,14 @@ void Viewer::offerRecovery() {
              {{"Bring it back",
                [this, orphan] {
                    if (recover(orphan->text, orphan->file.string())) Recovery::remove(*orphan);
-               }},
+               },
+               "The window shows it as it was, still to be saved."},
               {"Throw it away",
                [this, orphan] {
                    Recovery::remove(*orphan);
                    offerRecovery();
-               }},
+               },
+               "It is lost."},
               {"Not now", {}}}});
         return;
     }

@@ -6,7 +6,7 @@
 
 namespace doppel {
 
-// A glTF file being written in the background.
+// A glTF file, or an avatar, being written in the background.
 struct ExportJob {
     std::future<void> done;
     std::filesystem::path out;

@@ -65,6 +65,12 @@ void Viewer::advanceJobs() {
         }
         say(fmt::format("glTF in {}", job->out.string()));
     }
+    if (mixSave_ &&
+        mixSave_->done.wait_for(std::chrono::milliseconds(0)) == std::future_status::ready) {
+        const std::unique_ptr<ExportJob> job = std::move(mixSave_);
+        job->done.get();
+        say(fmt::format("avatar in {}", job->out.string()));
+    }
     if (film_) advanceFilm();
 }
 

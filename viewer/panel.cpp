@@ -46,19 +46,22 @@ void Viewer::drawPanel() {
     // Labels stand to the right of what they name.
     ImGui::PushItemWidth(-ImGui::CalcTextSize("field of view  ").x);
     if (ImGui::BeginTabBar("tabs")) {
-        const auto drawTab = [&](const char* label, void (Viewer::*content)()) {
+        const auto drawTab = [&](const char* label, const char* does, void (Viewer::*content)()) {
             const bool show = tabWanted_ == label;
             if (show) tabWanted_.clear();
-            if (!tab(label, show)) return;
+            if (!tab(label, does, show)) return;
             tab_ = label;
             (this->*content)();
             ImGui::EndTabItem();
         };
-        drawTab("View", &Viewer::drawViewTab);
-        drawTab("Pose", &Viewer::drawPoseTab);
-        drawTab("Shape", &Viewer::drawShapeTab);
-        drawTab(kInspectTab, &Viewer::drawInspectTab);
-        drawTab("Files", &Viewer::drawFilesTab);
+        drawTab("View", "What is shown, from where, and in which light.", &Viewer::drawViewTab);
+        drawTab("Pose", "How drags go, poses that are kept, and each joint.", &Viewer::drawPoseTab);
+        drawTab("Shape", "The body: height, girth and more.", &Viewer::drawShapeTab);
+        drawTab(kInspectTab, "What is known of a point of the body that is clicked on.",
+                &Viewer::drawInspectTab);
+        drawTab(kMixTab, "Clothes, hair or head of other avatars on this one.",
+                &Viewer::drawMixTab);
+        drawTab("Files", "What is opened, saved, filmed and said.", &Viewer::drawFilesTab);
         ImGui::EndTabBar();
     }
     ImGui::PopItemWidth();
@@ -106,11 +109,18 @@ void Viewer::drawViewTab() {
     constexpr Choice kSplits[] = {{"off", static_cast<int>(Split::None)},
                                   {"body | refined mesh", static_cast<int>(Split::Meshes)},
                                   {"coarse | refined", static_cast<int>(Split::Textures)},
+                                  {"source | avatar", static_cast<int>(Split::Source)},
                                   {"this avatar | others", static_cast<int>(Split::Avatars)},
                                   {"all in one scene", static_cast<int>(Split::Together)}};
-    choose("compare", keys_.tip("Two meshes, two textures, or avatars", Action::Compare), kSplits,
-           split);
+    choose("compare",
+           keys_.tip("Two meshes, two textures, what the motion comes from, or avatars",
+                     Action::Compare),
+           kSplits, split);
     const bool people = split >= static_cast<int>(Split::Avatars), asks = people && others_.empty();
+    if (split == static_cast<int>(Split::Source) && !hasSource()) {
+        say("nothing plays whose source is known: open a capture or a motion");
+        split = number(settings_.split);
+    }
     if (!asks) settings_.split = static_cast<Split>(split);
     if (asks) attempt([&] { chooseCompared(); });
     const bool two = settings_.split != Split::Avatars || others_.size() == 1;
@@ -222,6 +232,12 @@ void Viewer::drawViewTab() {
                "%.0f deg"))
         orbit_.fieldOfView = degrees / kDegrees;
     if (button("copy camera", keys_.tip("As --camera takes it", Action::CopyCamera))) copyCamera();
+    beside("copy as JSON");
+    if (button(
+            "copy as JSON",
+            "The camera for other programs: the text of --camera, the size, and OpenCV's matrices; "
+            "\"paste camera\" takes it, too."))
+        copyCameraJson();
     beside("paste camera");
     if (button("paste camera", keys_.tip("A camera that was copied", Action::PasteCamera)))
         attempt([&] { pasteCamera(); });

@@ -16,7 +16,8 @@ uint32_t packed(const std::array<uint8_t, 3>& rgb) {
     return uint32_t{rgb[0]} | uint32_t{rgb[1]} << 8 | uint32_t{rgb[2]} << 16 | 0xff000000u;
 }
 
-// Of the pixels of a whole view those that the pane shows.
+}  // namespace
+
 std::vector<uint32_t> partOfView(std::span<const uint32_t> view, const Pane& pane) {
     std::vector<uint32_t> part;
     for (int y = 0; y < pane.height; ++y)
@@ -26,8 +27,6 @@ std::vector<uint32_t> partOfView(std::span<const uint32_t> view, const Pane& pan
             std::back_inserter(part));
     return part;
 }
-
-}  // namespace
 
 int Viewer::panelWidth() const {
     if (!settings_.panel) return 0;
@@ -48,6 +47,7 @@ void Viewer::layOut() {
     if (width < 16 || height < 16) return;
     Pane whole{0, 0, width, height, 0, width, 0, settings_.mesh, settings_.texture};
     if (settings_.split >= Split::Avatars && others_.empty()) settings_.split = Split::None;
+    if (settings_.split == Split::Source && !hasSource()) settings_.split = Split::None;
     if (settings_.split == Split::None || settings_.split == Split::Together) {
         panes_ = {whole};
         return;
@@ -84,6 +84,8 @@ void Viewer::layOut() {
     } else if (settings_.split == Split::Textures) {
         left.texture = TextureKind::Coarse;
         right.texture = bestTexture();
+    } else if (settings_.split == Split::Source) {
+        left.other = Pane::kSource;
     } else {
         right.other = 1;
         right.mesh = others_[0].mesh(whole.mesh);
@@ -147,8 +149,7 @@ std::span<const uint32_t> Viewer::backgroundOf(Pane pane) {
     for (size_t c = 0; c < 3; ++c)
         colour[c] =
             static_cast<uint8_t>(std::lround(255 * std::clamp(settings_.colour[c], 0.0f, 1.0f)));
-    int64_t frame =
-        frames ? std::clamp<int64_t>(static_cast<int64_t>(timeline_), 0, frameCount() - 1) : -1;
+    int64_t frame = frames ? static_cast<int64_t>(frameNow()) : -1;
     BackgroundKey key{pane.width,
                       pane.height,
                       frame,
@@ -250,9 +251,17 @@ ShadeOptions Viewer::shadeOptions(const Pane& pane) const {
 
 Viewer::Shown Viewer::wanted() const {
     ViewTransform from = view();
-    return {editor_->pose(),  editor_->betas(),    settings_, from.rotation,
-            from.translation, cameraOf(panes_[0]), panes_,    textureVersion_,
-            backdropVersion_, others_.version()};
+    return {editor_->pose(),
+            editor_->betas(),
+            settings_,
+            from.rotation,
+            from.translation,
+            cameraOf(panes_[0]),
+            panes_,
+            textureVersion_,
+            backdropVersion_,
+            others_.version(),
+            capture() ? frameNow() : 0};
 }
 
 void Viewer::setPoses(const Shown& now) {
@@ -283,6 +292,10 @@ void Viewer::updatePictures() {
         setPoses(now);
         for (size_t i = 0; i < panes_.size(); ++i) {
             const Pane& pane = panes_[i];
+            if (pane.other == Pane::kSource) {
+                drawSource(i, refinements_);
+                continue;
+            }
             if (!pane.other) useTexture(pane.texture);
             std::vector<float> depths;
             const std::span<const uint32_t> background = behind(pane, refinements_, depths);
@@ -306,6 +319,10 @@ void Viewer::updatePictures() {
     before = Clock::now();
     for (size_t i = 0; i < panes_.size(); ++i) {
         const Pane& pane = panes_[i];
+        if (pane.other == Pane::kSource) {
+            drawSource(i, {});
+            continue;
+        }
         if (!pane.other) useTexture(pane.texture);
         std::vector<float> depths;
         const std::span<const uint32_t> background = behind(pane, {}, depths);

@@ -36,8 +36,9 @@ struct ViewerOptions {
 };
 
 // What is compared side by side, to the left what is named first: body and refined, coarse and
-// refined, this avatar and others; or all of these in one scene.
-enum class Split { None, Meshes, Textures, Avatars, Together };
+// refined, what the motion comes from and the avatar, this avatar and others; or all of these in
+// one scene.
+enum class Split { None, Meshes, Textures, Source, Avatars, Together };
 
 // What the rings of the selected joint turn about: its own axes, its parent's, or the picture's,
 // right, down and into it.

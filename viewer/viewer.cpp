@@ -91,6 +91,11 @@ void Viewer::useAvatar(std::shared_ptr<LoadedAvatar> avatar) {
 void Viewer::reloadIfChanged() {
     std::shared_ptr<LoadedAvatar> now = source_.changed();
     if (!now) return;
+    if (unmixed_) {
+        unmixed_ = std::move(now);
+        beginMix();
+        return say("the avatar that is mixed has changed on disk");
+    }
     bool wasTextured = avatar_->textured, hadBest = settings_.texture == bestTexture();
     useAvatar(std::move(now));
     editor_->setOpenedBetas(avatar_->avatar.betas);
@@ -105,6 +110,8 @@ void Viewer::openAvatar(const fs::path& folder) {
     LiveAvatar source(folder);
     std::shared_ptr<LoadedAvatar> avatar = source.load();
     endDrag();
+    unmixed_.reset();
+    mixer_.chosen = {};
     source_ = std::move(source);
     useAvatar(std::move(avatar));
     editor_->setOpenedBetas(avatar_->avatar.betas);
@@ -167,7 +174,8 @@ bool Viewer::settled() const { return quiet() && !working(); }
 bool Viewer::quiet() const {
     bool pictured =
         panes_.empty() || (shown_ && *shown_ == wanted() && refinements_ == kRefinements);
-    return pictured && !interacting() && !painter_->busy() && !search_ && framesToDraw_ == 0;
+    return pictured && !interacting() && !painter_->busy() && !search_ && !mixer_.busy() &&
+           framesToDraw_ == 0;
 }
 
 bool Viewer::frame() {
@@ -178,7 +186,7 @@ bool Viewer::frame() {
         } else if (film_ && !leaveAfterFilm_) {
             window_.keepOpen();
             if (!question_) askToLeaveFilm();
-        } else if (!export_ && !film_) {  // it is finished first
+        } else if (!working()) {  // it is finished first
             recovery_.clear();
             return false;
         }
@@ -186,9 +194,10 @@ bool Viewer::frame() {
     if (messagesDrawn_ != visibleMessages()) framesToDraw_ = std::max(framesToDraw_, 1);
     bool rests = quiet();
     // What comes from threads wakes the window.
-    double wait = rests || painter_->busy() || search_ ? 0.25
-                  : interacting() && !playing_         ? 0.02
-                                                       : 0;
+    double wait = mixer_.busy()                          ? 0.05
+                  : rests || painter_->busy() || search_ ? 0.25
+                  : interacting() && !playing_           ? 0.02
+                                                         : 0;
     if (refines()) wait = 0;
     if (framesToDraw_ > 0 || playing_) wait = 0;
     if (!drawable_) wait = 0.25;
@@ -201,6 +210,7 @@ bool Viewer::frame() {
     advanceTimeline();
     noteCamera();
     if (working()) attempt([&] { advanceJobs(); });
+    attempt([&] { advanceMix(); });
     keepSession(false);
     if (!drawable_) return true;
     if (window_.touched()) framesToDraw_ = 3;  // ImGui answers some events a frame later

@@ -19,6 +19,7 @@
 #include "trainer/motion/motion.h"
 #include "trainer/motion/retarget/retarget.h"
 #include "viewer/compare/company.h"
+#include "viewer/compare/source_body.h"
 #include "viewer/films/film_plan.h"
 #include "viewer/films/film_thread.h"
 #include "viewer/inspect/inspected.h"
@@ -27,6 +28,7 @@
 #include "viewer/keys/bindings.h"
 #include "viewer/live/live_avatar.h"
 #include "viewer/live/training_watch.h"
+#include "viewer/mix/mixer.h"
 #include "viewer/picture/orbit_camera.h"
 #include "viewer/picture/painter.h"
 #include "viewer/picture/pane.h"
@@ -139,6 +141,13 @@ public:
     // in the same pose. InputError likewise.
     void compareWith(const std::filesystem::path& folder);
     void loadPicture(const std::filesystem::path& path);
+    // Another avatar, whose clothes, hair, head or shape can be taken. InputError likewise.
+    void mixWith(const std::filesystem::path& folder);
+    // Gives the avatar that of kMixParts, in the background: see Mixer::chosen.
+    void takePart(size_t part, int giver);
+    // What is mixed as a new avatar, in the background. InputError where there is something.
+    void saveMix(const std::filesystem::path& out);
+    const Avatar& avatar() const { return avatar_->avatar; }
     void startFilm(const std::filesystem::path& out, const FilmSettings& settings = {});
     void startFilmAsSet();  // as the panel says
     // One pane's, drawn in the background as a film is.
@@ -149,7 +158,7 @@ public:
     // All panes as they are seen.
     void saveScreenshot(const std::filesystem::path& path);
     void savePicture();  // as the panel says
-    bool working() const { return film_ || export_; }
+    bool working() const { return film_ || export_ || mixSave_; }
 
 private:
     enum class Drag { None, Click, Orbit, Pan, Dolly, Joint, Ring, Divider };
@@ -165,6 +174,7 @@ private:
         Camera camera{};
         std::vector<Pane> panes;
         uint64_t textures = 0, backdrop = 0, compared = 0;
+        size_t frame = 0;  // of a capture
         bool operator==(const Shown&) const = default;
     };
 
@@ -180,6 +190,8 @@ private:
         std::filesystem::path path;
         std::string frames;
         std::vector<TrainedFrame> trained;  // its frames that the avatar was trained on
+        // As it was before it was fitted to the avatar, where that one is; null: a take.
+        std::shared_ptr<const Motion> source;
     };
     // Where something was saved, and when the file was written; empty: nowhere yet.
     struct SavedFile {
@@ -195,6 +207,7 @@ private:
     struct Answer {
         std::string label;
         std::function<void()> then;
+        std::string does;  // the tip's
     };
     struct Question {
         std::string text;
@@ -236,6 +249,7 @@ private:
 
     // files.cpp
     Take readForPlaying(const std::filesystem::path& path, const std::string& frames);
+    void openPicture(const std::filesystem::path& path);
     void askToOverwrite(const std::filesystem::path& path);
     void pastePose(const std::filesystem::path& path);
     void ask(Question question);
@@ -332,6 +346,7 @@ private:
     void setKey();
     void changeBlend();
     void copyCamera();
+    void copyCameraJson();
     void pasteCamera();
     void lookFrom(double yaw, double pitch);
     const Pane* paneAt(double x, double y) const;
@@ -340,6 +355,14 @@ private:
     void setPoses(const Shown& now);
     void chooseCompared();
     void nextSplit();
+
+    // compare/source.cpp
+    bool hasSource() const;
+    size_t frameNow() const;
+    std::vector<uint32_t> sourceFrame(const Pane& pane);
+    // As a part of updatePictures().
+    void drawSource(size_t pane, std::optional<int> refinement);
+
     std::vector<std::string> personNames() const;
     std::vector<std::string> paneNames() const;
     std::optional<Company::Row> row();
@@ -422,6 +445,13 @@ private:
     void drawShapeTab();
     void drawFilesTab();
 
+    // mix/mixing.cpp
+    static constexpr const char* kMixTab = "Mix";
+    void beginMix();
+    void advanceMix();
+    void dress(std::shared_ptr<LoadedAvatar> avatar);
+    void drawMixTab();
+
     ViewerOptions options_;
     LiveAvatar source_;
     TrainingWatch training_{{}};  // in the same folder
@@ -433,6 +463,9 @@ private:
     Device device_;
     std::unique_ptr<Scene> scene_;
     Company others_{device_};
+    std::unique_ptr<SourceBody> sourceBody_;
+    Mixer mixer_;
+    std::shared_ptr<LoadedAvatar> unmixed_;  // the avatar without what others give; null: as it is
     std::unique_ptr<Painter> painter_;
     std::unique_ptr<PoseEditor> editor_;
     mutable Skeleton skeleton_{};
@@ -555,6 +588,7 @@ private:
     PictureSettings pictureSettings_;   // likewise
     int filmKind_ = 0;                  // of videoKinds(), and behind them a folder of pictures
     std::unique_ptr<ExportJob> export_;
+    std::unique_ptr<ExportJob> mixSave_;
     std::array<char, 512> pathText_{};
 
     std::deque<Message> messages_;  // the latest at the back

@@ -137,9 +137,10 @@ void hint(const std::string& text) {
     ImGui::PopStyleColor();
 }
 
-bool tab(const char* label, bool show) {
+bool tab(const char* label, const std::string& does, bool show) {
     const bool open = ImGui::BeginTabItem(label, nullptr, show ? ImGuiTabItemFlags_SetSelected : 0);
     noteItem(label);
+    tip(does);
     return open;
 }
 

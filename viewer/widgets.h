@@ -35,7 +35,7 @@ bool slider(const char* label, const std::string& does, double& value, double lo
 void words(const std::string& text);  // wrapped
 void hint(const std::string& text);   // wrapped, dimmed
 // With EndTabItem where it is true. show: it comes to the front.
-bool tab(const char* label, bool show = false);
+bool tab(const char* label, const std::string& does, bool show = false);
 
 struct Choice {
     const char* name;

@@ -19,29 +19,13 @@ namespace {
 
 struct MixOptions {
     CommonOptions common;
-    std::filesystem::path base, head, hair, top, bottom, shoes, hands, shape, out;
+    std::filesystem::path base, out;
+    std::array<std::filesystem::path, kMixParts.size()> givers;  // of the parts; empty: the base
 };
-
-// What an avatar is given by others.
-struct Part {
-    const char *name, *flag, *text;
-    std::filesystem::path MixOptions::*folder;
-    const Avatar* MixParts::*giver;
-};
-constexpr std::array<Part, 7> kParts = {{
-    {"head", "--head", "Whose face, ears and neck, and whose skin's colour; with the hair",
-     &MixOptions::head, &MixParts::head},
-    {"hair", "--hair", "Whose hair", &MixOptions::hair, &MixParts::hair},
-    {"top", "--top", "Whose shirt, blouse or jacket", &MixOptions::top, &MixParts::top},
-    {"bottom", "--bottom", "Whose trousers or skirt", &MixOptions::bottom, &MixParts::bottom},
-    {"shoes", "--shoes", "Whose shoes", &MixOptions::shoes, &MixParts::shoes},
-    {"hands", "--hands", "Whose hands", &MixOptions::hands, &MixParts::hands},
-    {"shape", "--shape", "Whose body under the clothes", &MixOptions::shape, &MixParts::shape},
-}};
 
 void runMix(const MixOptions& options) {
     std::vector<std::filesystem::path> inputs{options.base};
-    for (const Part& part : kParts) inputs.push_back(options.*part.folder);
+    inputs.insert(inputs.end(), options.givers.begin(), options.givers.end());
     requireApart(options.out, inputs);
     if (std::filesystem::exists(options.out / "avatar.toml") &&
         !readAvatar(options.out).provenance.contains("mixed"))
@@ -62,15 +46,15 @@ void runMix(const MixOptions& options) {
     };
     MixParts parts;
     parts.base = avatarIn(options.base);
-    for (const Part& part : kParts)
-        if (!(options.*part.folder).empty()) parts.*part.giver = avatarIn(options.*part.folder);
+    for (size_t p = 0; p < kMixParts.size(); ++p)
+        if (!options.givers[p].empty()) parts.*kMixParts[p].giver = avatarIn(options.givers[p]);
 
     Mix mix = mixAvatars(parts);
     mix.avatar.provenance["mixed"] = options.base.string();
     mix.avatar.provenance["command"] = options.common.commandLine;
-    for (const Part& part : kParts)
-        if (!(options.*part.folder).empty())
-            mix.avatar.provenance[part.name] = (options.*part.folder).string();
+    for (size_t p = 0; p < kMixParts.size(); ++p)
+        if (!options.givers[p].empty())
+            mix.avatar.provenance[kMixParts[p].name] = options.givers[p].string();
     writeAvatar(folder.folder(), mix.avatar);
     Device device(options.common.deviceOptions());
     writePreview(device, mix.avatar, folder.folder() / "preview.png");
@@ -86,19 +70,19 @@ void runMix(const MixOptions& options) {
         nlohmann::ordered_json json{{"out", options.out.string()}};
         nlohmann::ordered_json& given = json["given"];
         given["base"] = mix.given[0];
-        for (size_t i = 0; i + 1 < kParts.size(); ++i)
-            if (!(options.*kParts[i].folder).empty()) given[kParts[i].name] = mix.given[i + 1];
+        for (size_t i = 0; i + 1 < kMixParts.size(); ++i)
+            if (!options.givers[i].empty()) given[kMixParts[i].name] = mix.given[i + 1];
         json["unseen"] = mix.unseen;
         printJson(json);
         return;
     }
     fmt::print("{}: {:.0f} % of {}", options.out.string(), 100 * mix.given[0],
                options.base.string());
-    for (size_t i = 0; i + 1 < kParts.size(); ++i)
-        if (!(options.*kParts[i].folder).empty())
-            fmt::print(", {} ({:.0f} %) of {}", kParts[i].name, 100 * mix.given[i + 1],
-                       (options.*kParts[i].folder).string());
-    if (!options.shape.empty()) fmt::print(", shape of {}", options.shape.string());
+    for (size_t i = 0; i + 1 < kMixParts.size(); ++i)
+        if (!options.givers[i].empty())
+            fmt::print(", {} ({:.0f} %) of {}", kMixParts[i].name, 100 * mix.given[i + 1],
+                       options.givers[i].string());
+    if (!options.givers.back().empty()) fmt::print(", shape of {}", options.givers.back().string());
     fmt::print("\n");
     if (mix.unseen > 0)
         fmt::print("{:.1f} % is covered in all of them and takes after what is around\n",
@@ -107,7 +91,8 @@ void runMix(const MixOptions& options) {
 
 void declareFlags(CommandFlags& flags, MixOptions& o) {
     flags.path("AVATAR", o.base, "Avatar's folder, who has what no flag says")->required();
-    for (const Part& part : kParts) flags.path(part.flag, o.*part.folder, part.text);
+    for (size_t p = 0; p < kMixParts.size(); ++p)
+        flags.path(std::string("--") + kMixParts[p].name, o.givers[p], kMixParts[p].text);
     flags.path("--out", o.out, "Avatar's folder to write")->required();
 }
 
@@ -125,8 +110,8 @@ const Command<MixOptions> kMix{{
     .flags = declareFlags,
     .check =
         [](MixOptions& o) {
-            for (const Part& part : kParts)
-                if (!(o.*part.folder).empty()) return;
+            for (const std::filesystem::path& giver : o.givers)
+                if (!giver.empty()) return;
             throwInput(
                 "mix: expected who gives something: --head, --hair, --top, --bottom, "
                 "--shoes, --hands or --shape, found none");

@@ -26,9 +26,10 @@ Scene& Viewer::sceneOf(const Pane& pane) {
 }
 
 void Viewer::nextSplit() {
-    constexpr Split kNext[] = {Split::Meshes, Split::Textures, Split::Avatars, Split::Together,
-                               Split::None};
+    constexpr Split kNext[] = {Split::Meshes,  Split::Textures, Split::Source,
+                               Split::Avatars, Split::Together, Split::None};
     settings_.split = kNext[static_cast<size_t>(settings_.split)];
+    if (settings_.split == Split::Source && !hasSource()) settings_.split = Split::Avatars;
     if (settings_.split == Split::Avatars && others_.empty()) settings_.split = Split::None;
 }
 
@@ -46,6 +47,8 @@ std::vector<std::string> Viewer::paneNames() const {
             return {"body", "refined mesh"};
         case Split::Textures:
             return {"coarse texture", "refined texture"};
+        case Split::Source:
+            return {capture() ? "the frame" : "the motion's own body", personNames()[0]};
         case Split::Avatars:
             return personNames();
         case Split::None:

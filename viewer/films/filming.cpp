@@ -169,7 +169,8 @@ float Viewer::filmProgress() const { return film_ ? film_->progress() : 0; }
 // Before an Escape too many loses an hour's work.
 void Viewer::askToGiveFilmUp() {
     ask({fmt::format("{:.0f} % of the film are drawn.", 100. * filmProgress()),
-         {{"Give it up", [this] { cancelFilm(); }}, {"Go on", {}}}});
+         {{"Give it up", [this] { cancelFilm(); }, "Nothing of the film is left."},
+          {"Go on", {}, "The film goes on being drawn."}}});
 }
 
 void Viewer::askToLeaveFilm() {
@@ -178,13 +179,15 @@ void Viewer::askToLeaveFilm() {
            [this] {
                leaveAfterFilm_ = true;
                if (!film_) window_.close();
-           }},
+           },
+           "The window closes by itself once the film is there."},
           {"Give it up",
            [this] {
                cancelFilm();
                window_.close();
-           }},
-          {"Cancel", {}}}});
+           },
+           "Closes now; nothing of the film is left."},
+          {"Cancel", {}, "The window stays open."}}});
 }
 
 // In the upper right corner of the pictures; its pixels are as the window has them.

@@ -60,7 +60,7 @@ constexpr std::array<ActionInfo, kActions> kAll{{
     {"light", kShow, "the capture's light, none, a lamp"},
     {"joints", kShow, "joints"},
     {"floor", kShow, "floor"},
-    {"compare", kShow, "compare: meshes, textures, avatars, off"},
+    {"compare", kShow, "compare: meshes, textures, source, avatars, off"},
     {"inspector", kShow, "the inspector: a click tells what is known of a point"},
     {"panel", kShow, "the panel"},
     {"open", kFiles, "open a file"},

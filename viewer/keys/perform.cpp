@@ -276,6 +276,13 @@ void Viewer::copyCamera() {
     say("camera copied");
 }
 
+void Viewer::copyCameraJson() {
+    if (panes_.empty()) return;
+    const Pane& pane = panes_.back();
+    window_.setClipboard(cameraJson(orbit_, pane.viewWidth, pane.height));
+    say("camera copied as JSON");
+}
+
 void Viewer::pasteCamera() {
     orbit_ = readCameraText(window_.clipboard());
     settings_.captureCamera = false;

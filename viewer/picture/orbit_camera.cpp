@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <glm/ext/matrix_transform.hpp>
+#include <nlohmann/json.hpp>
 
 #include "engine/error.h"
 
@@ -92,7 +93,27 @@ std::string cameraText(const OrbitCamera& camera) {
                        camera.orthographic ? ",ortho" : "");
 }
 
+std::string cameraJson(const OrbitCamera& camera, int width, int height) {
+    const Camera lens = camera.camera(width, height);
+    const ViewTransform view = camera.view();
+    nlohmann::ordered_json json{
+        {"camera", cameraText(camera)}, {"width", width}, {"height", height}};
+    json["intrinsic"] = {{lens.fx, 0, lens.cx}, {0, lens.fy, lens.cy}, {0, 0, 1}};
+    for (int row = 0; row < 3; ++row)
+        json["extrinsic"].push_back({view.rotation[0][row], view.rotation[1][row],
+                                     view.rotation[2][row], view.translation[row]});
+    json["extrinsic"].push_back({0, 0, 0, 1});
+    return json.dump(2);
+}
+
 OrbitCamera readCameraText(std::string_view given) {
+    constexpr size_t kMostJson = 4000;
+    if (given.starts_with('{') && given.size() < kMostJson) {
+        const nlohmann::json json = nlohmann::json::parse(given, nullptr, false);
+        const auto text = json.is_object() ? json.find("camera") : json.end();
+        if (text != json.end() && text->is_string())
+            return readCameraText(text->get<std::string>());
+    }
     std::string text(given.substr(0, 400));
     while (!text.empty() && (text.back() == '\n' || text.back() == ' ')) text.pop_back();
     const std::string shown = text;

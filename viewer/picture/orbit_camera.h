@@ -40,7 +40,11 @@ struct OrbitCamera {
 // "yaw,pitch,distance,x,y,z,field of view[,ortho]", as `doppel view --camera` takes it; angles in
 // degrees. The same camera to a millionth.
 std::string cameraText(const OrbitCamera& camera);
-// Also with "--camera " before it. InputError where it is something else.
+// For other programs: {"camera": that text, "width", "height", "intrinsic" [3,3], "extrinsic"
+// [4,4]} of a picture of this size, as a capture's cameras.npz has them: from the world, which is
+// the capture's camera space, metres.
+std::string cameraJson(const OrbitCamera& camera, int width, int height);
+// Also with "--camera " before it, or that JSON. InputError where it is something else.
 OrbitCamera readCameraText(std::string_view text);
 
 // The pixel that shows a point, and its depth; the depth is not positive for one behind the camera.

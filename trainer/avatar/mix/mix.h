@@ -24,6 +24,21 @@ struct MixParts {
     const Avatar* shape = nullptr;  // betas, the body under clothes
 };
 
+// As the command's flags and the viewer's panel name them.
+struct MixPart {
+    const char *name, *text;
+    const Avatar* MixParts::*giver;
+};
+inline constexpr std::array<MixPart, 7> kMixParts = {{
+    {"head", "Whose face, ears and neck, and whose skin's colour; with the hair", &MixParts::head},
+    {"hair", "Whose hair", &MixParts::hair},
+    {"top", "Whose shirt, blouse or jacket", &MixParts::top},
+    {"bottom", "Whose trousers or skirt", &MixParts::bottom},
+    {"shoes", "Whose shoes", &MixParts::shoes},
+    {"hands", "Whose hands", &MixParts::hands},
+    {"shape", "Whose body under the clothes", &MixParts::shape},
+}};
+
 struct Mix {
     Avatar avatar;
     // Parts of the vertices: all that the base has given; then, whoever gave it, skin of the head,

@@ -1,0 +1,107 @@
+// The avatar with what others wear, in the window.
+#include "tests/viewer_test.h"
+
+namespace doppel::test {
+namespace {
+
+class MixTest : public ViewerTest {
+protected:
+    // Blue all over, and larger.
+    fs::path blue() {
+        Avatar avatar = plainAvatar();
+        for (size_t i = 0; i < avatar.texture.size(); ++i)
+            avatar.texture[i] = i % 3 == 2 ? .9f : .1f;
+        avatar.betas[0] += 2;
+        writeAvatar(*folder_ / "blue", avatar);
+        return *folder_ / "blue";
+    }
+    Viewer& openPlain() {
+        writeAvatar(*folder_ / "plain", plainAvatar());
+        ViewerOptions options;
+        options.avatar = *folder_ / "plain";
+        Viewer& viewer = open(options);
+        viewer.settings().joints = false;
+        return viewer;
+    }
+    static size_t partNamed(std::string_view name) {
+        return size_t(std::ranges::find(kMixParts, name, &MixPart::name) - kMixParts.begin());
+    }
+    void work() {
+        for (int i = 0; i < 500 && viewer_->working(); ++i) viewer_->frame();
+        ASSERT_FALSE(viewer_->working());
+    }
+};
+
+TEST_F(MixTest, WhatAnotherWearsIsTakenShownAndSaved) {
+    Viewer& viewer = openPlain();
+    const Image before = picture();
+    const Pose pose = viewer.editor().pose();
+    viewer.mixWith(blue());
+    viewer.takePart(partNamed("top"), 1);
+    settle();
+    const Avatar plain = readAvatar(*folder_ / "plain"), other = readAvatar(*folder_ / "blue");
+    const Mix expected = mixAvatars({.base = &plain, .top = &other});
+    EXPECT_EQ(viewer.avatar().texture, expected.avatar.texture);
+    EXPECT_GT(difference(picture(), before), .005);
+    EXPECT_EQ(viewer.editor().pose(), pose) << "pose and view stay";
+
+    viewer.takePart(partNamed("shape"), 1);
+    settle();
+    EXPECT_EQ(viewer.avatar().betas, other.betas);
+    EXPECT_EQ(viewer.editor().betas(), other.betas);
+
+    const fs::path out = *folder_ / "mixed";
+    viewer.saveMix(out);
+    work();
+    EXPECT_NE(viewer.message().find("avatar in"), std::string::npos) << viewer.message();
+    const Avatar saved = readAvatar(out);
+    EXPECT_EQ(saved.betas, other.betas);
+    EXPECT_EQ(saved.provenance.at("top"), (*folder_ / "blue").string());
+    EXPECT_TRUE(fs::exists(out / "preview.png"));
+    EXPECT_NE(messageOf<InputError>([&] { viewer.saveMix(out); }).find("expected a new folder"),
+              std::string::npos);
+
+    // Undressed it is what it was.
+    viewer.takePart(partNamed("top"), 0);
+    viewer.takePart(partNamed("shape"), 0);
+    settle();
+    EXPECT_EQ(viewer.avatar().texture, plain.texture);
+    for (int i = 0; i < 100 && viewer.visibleMessages() > 0; ++i) turn(1);
+    settle();
+    EXPECT_LT(difference(picture(), before), .02);
+    EXPECT_NE(messageOf<InputError>([&] { viewer.saveMix(*folder_ / "none"); }).find("nothing"),
+              std::string::npos);
+}
+
+TEST_F(MixTest, ThePanelChoosesWhoGivesWhat) {
+    Viewer& viewer = openPlain();
+    viewer.settings().panel = true;
+    settle();
+    clickItem("Mix");
+    EXPECT_EQ(viewer.panelWidth() > 0, true);
+    itemAt("nobody yet: choose an avatar, or drop its folder");
+    // An avatar that comes while this is open gives something, and is not opened.
+    viewer.openFile(blue());
+    settle();
+    clickItem("bottom");
+    clickItem("blue");
+    EXPECT_NE(viewer.avatar().texture, readAvatar(*folder_ / "plain").texture);
+    itemAt("save as a new avatar");
+    clickItem("as it was");
+    EXPECT_EQ(viewer.avatar().texture, readAvatar(*folder_ / "plain").texture);
+}
+
+TEST_F(MixTest, WhoHasNoTextureGivesNothing) {
+    Viewer& viewer = openPlain();
+    Avatar other = plainAvatar();
+    const fs::path folder = *folder_ / "untextured";
+    other.texture.clear();
+    other.textureSize = 0;
+    writeAvatar(folder, other);
+    EXPECT_NE(messageOf<InputError>([&] { viewer.mixWith(folder); }).find("with a texture"),
+              std::string::npos);
+    EXPECT_EQ(viewer.avatar().texture, readAvatar(*folder_ / "plain").texture);
+}
+
+}  // namespace
+}  // namespace doppel::test

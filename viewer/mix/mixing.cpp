@@ -1,0 +1,112 @@
+// The panel's "Mix": the avatar with the clothes, hair or head of others.
+#include <GLFW/glfw3.h>
+
+#include "engine/error.h"
+#include "trainer/avatar/rendering.h"
+#include "trainer/data/output_folder.h"
+#include "viewer/viewer.h"
+#include "viewer/widgets.h"
+
+namespace doppel {
+namespace fs = std::filesystem;
+
+void Viewer::mixWith(const fs::path& folder) {
+    mixer_.add(folder);
+    opened(folder);
+    if (mixer_.mixes()) beginMix();
+    say(fmt::format("what {} wears can be taken in \"{}\"", folder.filename().string(), kMixTab));
+}
+
+void Viewer::takePart(size_t part, int giver) {
+    mixer_.chosen.at(part) = giver;
+    beginMix();
+}
+
+void Viewer::beginMix() {
+    if (!mixer_.mixes()) {
+        if (unmixed_) dress(std::exchange(unmixed_, nullptr));
+        return;
+    }
+    if (!unmixed_) unmixed_ = avatar_;
+    mixer_.begin(unmixed_, source_.folder());
+}
+
+void Viewer::dress(std::shared_ptr<LoadedAvatar> avatar) {
+    useAvatar(std::move(avatar));
+    editor_->setOpenedBetas(avatar_->avatar.betas);
+    settings_.texture = bestTexture();
+}
+
+void Viewer::advanceMix() {
+    std::optional<Mixer::Mixed> mixed;
+    try {
+        mixed = mixer_.take();
+    } catch (const InputError&) {
+        // Nobody is dressed by halves.
+        mixer_.chosen = {};
+        beginMix();
+        throw;
+    }
+    // It may have been undressed meanwhile.
+    if (!mixed || !mixer_.mixes()) return;
+    dress(std::move(mixed->avatar));
+    if (!mixed->capsWorn)
+        say("hair and loose cloth that hang free are left out: the texture has no room");
+}
+
+void Viewer::saveMix(const fs::path& out) {
+    if (!unmixed_) throwInput("nothing is mixed that could be saved");
+    if (mixSave_) throwInput("an avatar is being written already");
+    std::error_code ignored;
+    if (fs::exists(fs::symlink_status(out, ignored)))
+        throwInput("{}: expected a new folder, found that there is one", out.string());
+    mixSave_ = std::make_unique<ExportJob>();
+    mixSave_->out = out;
+    mixSave_->done =
+        std::async(std::launch::async, [device = options_.device, avatar = avatar_, out] {
+            OutputFolder folder(out, kAvatarKind);
+            writeAvatar(folder.folder(), avatar->avatar);
+            Device drawing(device);
+            writePreview(drawing, avatar->avatar, folder.folder() / "preview.png");
+            folder.commit();
+            glfwPostEmptyEvent();
+        });
+}
+
+void Viewer::drawMixTab() {
+    hint("This avatar with the clothes, hair or head of others that have the same body model.");
+    if (button("take from...",
+               "Chooses another avatar; one that is dropped while this is open is one as well."))
+        attempt([&] {
+            askForFile(FileDialog::Asks::Folder, "Take from the avatar in",
+                       [this](const fs::path& path) { mixWith(path); });
+        });
+    if (mixer_.givers().empty()) return hint("nobody yet: choose an avatar, or drop its folder");
+    std::vector<fs::path> folders;
+    for (const Mixer::Giver& giver : mixer_.givers()) folders.push_back(giver.folder);
+    const std::vector<std::string> names = namesOf(folders);
+    std::vector<Choice> givers{{"its own", 0}};
+    for (const std::string& name : names)
+        givers.push_back({name.c_str(), static_cast<int>(givers.size())});
+    for (size_t p = 0; p < kMixParts.size(); ++p) {
+        int giver = mixer_.chosen[p];
+        if (choose(kMixParts[p].name, std::string(kMixParts[p].text) + ".", givers.data(),
+                   givers.size(), giver))
+            attempt([&] { takePart(p, giver); });
+    }
+    if (mixer_.busy()) hint("mixing ...");
+    if (!unmixed_) return;
+    if (button("as it was", "The avatar with nothing of others.")) {
+        mixer_.chosen = {};
+        attempt([&] { beginMix(); });
+    }
+    beside("save as a new avatar");
+    if (button("save as a new avatar",
+               "Writes mixed-1, or the next free number, into the folder that the viewer was "
+               "started in.",
+               unmixed_ && !mixer_.busy() && !mixSave_))
+        attempt([&] { saveMix(freeName("mixed", "")); });
+    if (mixSave_) hint("writing the avatar ...");
+}
+
+}  // namespace doppel
