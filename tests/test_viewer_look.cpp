@@ -66,7 +66,7 @@ TEST_F(LookTest, NothingIsCutWhateverTheScale) {
         Viewer& viewer = openAt(c.width, c.height, c.scale, c.theme);
         viewer.editor().setKeyframe(0);
         EXPECT_EQ(viewer.timelineHeight(), std::lround(Viewer::kTimelineHeight * c.scale));
-        for (const char* tab : {"View", "Pose", "Shape", "Inspect", "Files"}) {
+        for (const char* tab : {"View", "Pose", "Shape", "Inspect", "Mix", "Files"}) {
             clickItem(tab);
             if (std::string_view(tab) == "View") {
                 clickItem("keep this view");

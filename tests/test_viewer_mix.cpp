@@ -79,7 +79,7 @@ TEST_F(MixTest, ThePanelChoosesWhoGivesWhat) {
     settle();
     clickItem("Mix");
     EXPECT_EQ(viewer.panelWidth() > 0, true);
-    itemAt("nobody yet: choose an avatar, or drop its folder");
+    itemAt("nobody yet: name or choose an avatar, or drop its folder");
     // An avatar that comes while this is open gives something, and is not opened.
     viewer.openFile(blue());
     settle();

@@ -405,10 +405,8 @@ void Viewer::drawShapeTab() {
         editor.resetBetas();
 }
 
-void Viewer::drawFilesTab() {
-    words(
-        "Drop an avatar, a capture, a motion, a pose's .json or a picture on the window, or name "
-        "it:");
+// For the name of a file or folder; whether Enter was pressed in it.
+bool Viewer::drawPathField(const std::string& does) {
     ImGui::PushItemWidth(-1);
     bool entered = ImGui::InputText("##path", pathText_.data(), pathText_.size(),
                                     ImGuiInputTextFlags_EnterReturnsTrue);
@@ -417,8 +415,16 @@ void Viewer::drawFilesTab() {
                    return k.key == GLFW_KEY_ENTER || k.key == GLFW_KEY_KP_ENTER;
                });
     noteItem("path");
-    tip("A file or folder; Enter opens it.");
+    tip(does);
     ImGui::PopItemWidth();
+    return entered;
+}
+
+void Viewer::drawFilesTab() {
+    words(
+        "Drop an avatar, a capture, a motion, a pose's .json or a picture on the window, or name "
+        "it:");
+    const bool entered = drawPathField("A file or folder; Enter opens it.");
     const bool named = pathText_[0] != 0;
     if ((button("open", "The avatar, motion, pose or picture of this name.", named) || entered) &&
         named)

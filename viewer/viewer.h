@@ -443,6 +443,7 @@ private:
     void drawPoseTab();
     void drawKeptPoses();
     void drawShapeTab();
+    bool drawPathField(const std::string& does);
     void drawFilesTab();
 
     // mix/mixing.cpp

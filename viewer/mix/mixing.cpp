@@ -75,13 +75,19 @@ void Viewer::saveMix(const fs::path& out) {
 
 void Viewer::drawMixTab() {
     hint("This avatar with the clothes, hair or head of others that have the same body model.");
-    if (button("take from...",
+    const bool entered = drawPathField("Another avatar's folder; Enter takes from it."),
+               named = pathText_[0] != 0;
+    if ((button("take from", "The avatar in the folder of this name.", named) || entered) && named)
+        attempt([&] { mixWith(fs::path(pathText_.data())); });
+    beside("choose...");
+    if (button("choose...",
                "Chooses another avatar; one that is dropped while this is open is one as well."))
         attempt([&] {
             askForFile(FileDialog::Asks::Folder, "Take from the avatar in",
                        [this](const fs::path& path) { mixWith(path); });
         });
-    if (mixer_.givers().empty()) return hint("nobody yet: choose an avatar, or drop its folder");
+    if (mixer_.givers().empty())
+        return hint("nobody yet: name or choose an avatar, or drop its folder");
     std::vector<fs::path> folders;
     for (const Mixer::Giver& giver : mixer_.givers()) folders.push_back(giver.folder);
     const std::vector<std::string> names = namesOf(folders);
