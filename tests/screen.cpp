@@ -1,5 +1,6 @@
 #include "tests/screen.h"
 
+#include <X11/Xatom.h>
 #include <X11/Xlib.h>
 #include <X11/Xutil.h>
 #include <X11/extensions/XTest.h>
@@ -102,6 +103,31 @@ std::string Screen::title() {
     if (XFetchName(asDisplay(display_), window(), &name) && name) title = name;
     if (name) XFree(name);
     return title;
+}
+
+Image Screen::icon() {
+    // As many longs: width, height and pixels of A, R, G, B, one icon after the other.
+    Display* display = asDisplay(display_);
+    Atom type = 0;
+    int format = 0;
+    unsigned long count = 0, left = 0;
+    unsigned char* bytes = nullptr;
+    constexpr long kMost = 1 << 20;
+    XGetWindowProperty(display, window(), XInternAtom(display, "_NET_WM_ICON", False), 0, kMost,
+                       False, XA_CARDINAL, &type, &format, &count, &left, &bytes);
+    Image largest;
+    const auto* words = reinterpret_cast<const unsigned long*>(bytes);
+    for (unsigned long at = 0; words && at + 2 < count; at += 2 + words[at] * words[at + 1]) {
+        const int width = static_cast<int>(words[at]), height = static_cast<int>(words[at + 1]);
+        if (width <= largest.width) continue;
+        largest = Image(width, height, 4);
+        for (size_t i = 0; i < largest.data.size() / 4; ++i)
+            for (size_t c = 0; c < 4; ++c)
+                largest.data[4 * i + c] =
+                    static_cast<uint8_t>(words[at + 2 + i] >> (c == 3 ? 24 : 16 - 8 * c));
+    }
+    if (bytes) XFree(bytes);
+    return largest;
 }
 
 void Screen::resizeWindow(int width, int height) {

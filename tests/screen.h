@@ -32,6 +32,8 @@ public:
 
     // Of the first window on the screen.
     std::string title();
+    // The largest of its icons, R, G, B, A; empty: it has none.
+    Image icon();
     void resizeWindow(int width, int height);
     void hideWindow();
     // Asks it to close, as its own button does.

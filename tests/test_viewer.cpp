@@ -462,6 +462,22 @@ TEST_F(ViewerTest, TheCameraIsCopiedAsTheCommandTakesIt) {
             << wrong;
 }
 
+TEST_F(ViewerTest, TheWindowHasTheApplicationsIcon) {
+    open();
+    const Image icon = screen_->icon();
+    ASSERT_EQ(icon.width, 64);
+    EXPECT_EQ(icon.pixel(0, 0)[3], 0) << "round corners";
+    const auto colour = [&](int x, int y) {
+        const uint8_t* p = icon.pixel(x, y);
+        return fmt::format("{:02x}{:02x}{:02x} {}", p[0], p[1], p[2], p[3]);
+    };
+    EXPECT_EQ(colour(24, 16), "f2c79b 255") << "the person's head";
+    EXPECT_EQ(colour(24, 32), "f2c79b 255") << "and chest";
+    EXPECT_EQ(colour(56, 56), "22303c 255");
+    const uint8_t* mesh = icon.pixel(40, 12);
+    EXPECT_GT(int(mesh[2]), int(mesh[0]) + 50) << "the double's mesh";
+}
+
 TEST_F(ViewerTest, SaysWhatIsWrong) {
     ViewerOptions options;
     options.avatar = *folder_ / "nobody";

@@ -12,6 +12,8 @@
 #include <optional>
 #include <utility>
 
+#include "viewer/window/icon.h"
+
 namespace doppel {
 
 namespace {
@@ -84,6 +86,7 @@ struct Window::Parts {
 
     ~Parts();
     void openWindow(const WindowOptions& options);
+    void setIcon();
     void listen();
     void openSwapchain(const std::string& device);
     void openImGui();
@@ -104,9 +107,19 @@ void Window::Parts::openWindow(const WindowOptions& options) {
     window =
         glfwCreateWindow(options.width, options.height, options.title.c_str(), nullptr, nullptr);
     if (!window) throwMachine("no window can be opened: {}", glfwReason());
+    setIcon();
     measure();
     glfwSetWindowUserPointer(window, this);
     listen();
+}
+
+// Of the sizes that desktops take: title bars, task bars, switchers.
+void Window::Parts::setIcon() {
+    std::vector<Image> icons;
+    for (int side : {16, 32, 48, 64}) icons.push_back(applicationIcon(side));
+    std::vector<GLFWimage> images;
+    for (Image& icon : icons) images.push_back({icon.width, icon.height, icon.data.data()});
+    glfwSetWindowIcon(window, static_cast<int>(images.size()), images.data());
 }
 
 // Before ImGui does, which calls these in turn.
