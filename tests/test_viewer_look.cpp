@@ -98,6 +98,7 @@ TEST_F(LookTest, TipsComeWhereTheMouseRests) {
                          {"front", "From the front"},
                          {"loop", "After the last frame"},
                          {"surface", "What the surface is painted with"},
+                         {"Inspect", "What is known of a point"},
                          {"remove key", "Takes the key of this frame away"}};  // not to be pressed
     for (const auto& [label, words] : begins) {
         const glm::dvec2 place = itemAt(label);
@@ -256,6 +257,15 @@ TEST_F(LookTest, AQuestionDimsWhatIsBehindIt) {
         ASSERT_NE(viewer.question(), "");
         EXPECT_LT(brightness(), .8 * before);
         keep(theme == Theme::Dark ? "question-dark" : "question-light", 700, 500);
+        // Its answers say what becomes of the work.
+        const glm::dvec2 place = itemAt("Do not save");
+        screen_->move(place.x, place.y);
+        await("the answer's tip", [&] {
+            viewer.frame();
+            return std::ranges::any_of(drawnItems(), [](const DrawnItem& item) {
+                return item.label == "What you edited is lost.";
+            });
+        });
         viewer_.reset();
     }
 }
