@@ -172,7 +172,10 @@ TEST_F(InspectorTest, OpensTheCaptureOfTheTrainingByItself) {
     // Beside the avatar it is found as well; another person's capture is not taken.
     fs::rename(recorded, *folder_ / "known/capture");
     EXPECT_TRUE(trainedOn(options.avatar, avatar));
-    fs::remove_all(*folder_ / "known/capture");
+    fs::create_directories(*folder_ / "linked");
+    fs::create_directory_symlink(options.avatar, *folder_ / "linked/avatar");
+    fs::rename(*folder_ / "known/capture", *folder_ / "linked/capture");
+    EXPECT_TRUE(trainedOn(*folder_ / "linked/avatar/", avatar));
     Motion other = turningMotion(3);
     for (Trans& trans : other.trans) trans[2] += 1;
     writeColouredCapture(*folder_ / "known/capture", other);

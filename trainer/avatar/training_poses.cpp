@@ -125,7 +125,9 @@ std::optional<TrainedOn> trainedOn(const std::filesystem::path& folder, const Av
     if (const auto named = avatar.provenance.find("capture_folder");
         named != avatar.provenance.end())
         places.push_back(folder / named->second);
-    places.push_back(std::filesystem::absolute(folder).lexically_normal() / "../capture");
+    // By the names on the way here: the avatar may be a link to elsewhere.
+    const std::filesystem::path own = std::filesystem::absolute(folder / "").lexically_normal();
+    places.push_back(own.parent_path().parent_path() / "capture");
     for (const std::filesystem::path& place : places) {
         try {
             if (!std::filesystem::is_directory(place)) continue;
