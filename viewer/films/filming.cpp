@@ -236,13 +236,6 @@ void Viewer::drawFilmControls(bool enabled) {
     choose("film as", "The kind of file.", kinds.data(), kinds.size(), filmKind_);
     const bool alpha = keepsAlpha(filmKind_);
     choose("film size", "Pixels of the longer side.", kSizes, filmSettings_.size);
-    choose("samples", "Per pixel of a film: more are smoother, and take as much longer.", kSamples,
-           filmSettings_.samples);
-    checkbox("turntable", "The camera goes once round, as render --camera turntable.",
-             filmSettings_.turntable);
-    if (filmSettings_.turntable && frameCount() == 1)
-        slider("seconds", "That going round the pose takes.", filmSettings_.turnSeconds, 1, 30,
-               "%d s");
     if (const int end = int(frameCount()) - 1; end > 0) {
         int first = std::min(filmSettings_.first, end),
             last = filmSettings_.last < 0 ? end : std::min(filmSettings_.last, end);
@@ -261,6 +254,12 @@ void Viewer::drawFilmControls(bool enabled) {
                keys_.tip("Draws these frames as they are seen, in the background", Action::Film),
                enabled))
         attempt([&] { startFilmAsSet(); });
+    beside("picture");
+    if (button(
+            "picture",
+            keys_.tip("As it is seen now, or as large and clear as is said below", Action::Picture),
+            enabled))
+        attempt([&] { savePicture(); });
     // Whoever compares may expect both.
     if (panes_.size() > 1) {
         const bool first = panes_.back().other;
@@ -268,15 +267,23 @@ void Viewer::drawFilmControls(bool enabled) {
         if (!names.empty())
             hint(fmt::format("of one pane: {}", first ? names.front() : names.back()));
     }
-    choose("picture size", "Pixels of the longer side of a picture.", kSizes,
-           pictureSettings_.size);
-    checkbox("transparent", "A picture with nothing behind the avatar, for other programs.",
-             pictureSettings_.clear);
-    if (button(
-            "picture",
-            keys_.tip("As it is seen now, or as large and clear as is said above", Action::Picture),
-            enabled))
-        attempt([&] { savePicture(); });
+    // In a low window there is more below.
+    const bool finer = ImGui::CollapsingHeader("more of films and pictures");
+    noteItem("more of films and pictures");
+    tip("Samples and a turntable for films; pictures of another size, or transparent.");
+    if (finer) {
+        choose("samples", "Per pixel of a film: more are smoother, and take as much longer.",
+               kSamples, filmSettings_.samples);
+        checkbox("turntable", "The camera goes once round, as render --camera turntable.",
+                 filmSettings_.turntable);
+        if (filmSettings_.turntable && frameCount() == 1)
+            slider("seconds", "That going round the pose takes.", filmSettings_.turnSeconds, 1, 30,
+                   "%d s");
+        choose("picture size", "Pixels of the longer side of a picture.", kSizes,
+               pictureSettings_.size);
+        checkbox("transparent", "A picture with nothing behind the avatar, for other programs.",
+                 pictureSettings_.clear);
+    }
     if (!film_) return;
     ImGui::ProgressBar(filmProgress(), {-1, 0});
     if (button("give up", "Ends the film; nothing of it is left.")) cancelFilm();
