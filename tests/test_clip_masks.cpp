@@ -11,7 +11,7 @@
 #include "tests/op_test.h"
 #include "trainer/data/random.h"
 #include "trainer/eval/metrics.h"
-#include "trainer/import/clip_cutter.h"
+#include "trainer/import/masks/clip_cutter.h"
 #include "trainer/motion/hand_held.h"
 
 namespace doppel {

@@ -1,5 +1,5 @@
 // Masks that another program made of a clip's pictures, and which frames they leave out.
-#include "trainer/import/given_masks.h"
+#include "trainer/import/masks/given_masks.h"
 
 #include <gtest/gtest.h>
 

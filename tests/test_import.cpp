@@ -10,8 +10,8 @@
 #include "engine/io/image.h"
 #include "tests/files.h"
 #include "trainer/eval/metrics.h"
-#include "trainer/import/chroma_key.h"
 #include "trainer/import/import.h"
+#include "trainer/import/masks/chroma_key.h"
 #include "trainer/import/overlay.h"
 #include "trainer/person/mask_tools.h"
 

@@ -1,5 +1,5 @@
 // Networks of users that cut people out, on one that is written here, byte by byte.
-#include "trainer/import/matting.h"
+#include "trainer/import/masks/matting.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 
 #include "engine/error.h"
 #include "tests/files.h"
-#include "trainer/import/clip_cutter.h"
+#include "trainer/import/masks/clip_cutter.h"
 
 namespace doppel {
 namespace {

@@ -12,8 +12,8 @@
 #include "trainer/data/progress.h"
 #include "trainer/data/version.h"
 #include "trainer/eval/metrics.h"
-#include "trainer/import/chroma_key.h"
 #include "trainer/import/given_poses.h"
+#include "trainer/import/masks/chroma_key.h"
 #include "trainer/import/seen_heads.h"
 
 namespace doppel {

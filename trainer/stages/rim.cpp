@@ -4,7 +4,7 @@
 #include <array>
 
 #include "trainer/avatar/background.h"
-#include "trainer/import/chroma_key.h"
+#include "trainer/import/masks/chroma_key.h"
 
 namespace doppel {
 

@@ -1,4 +1,4 @@
-#include "trainer/import/chroma_key.h"
+#include "trainer/import/masks/chroma_key.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "trainer/import/given_masks.h"
+#include "trainer/import/masks/given_masks.h"
 
 #include <cmath>
 #include <optional>

@@ -8,8 +8,8 @@
 #include <span>
 #include <string>
 
-#include "trainer/import/chroma_key.h"
-#include "trainer/import/matting.h"
+#include "trainer/import/masks/chroma_key.h"
+#include "trainer/import/masks/matting.h"
 #include "trainer/person/mask.h"
 
 namespace doppel {

@@ -1,4 +1,4 @@
-#include "trainer/import/clip_cutter.h"
+#include "trainer/import/masks/clip_cutter.h"
 
 #include <algorithm>
 #include <cmath>

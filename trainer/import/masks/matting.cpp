@@ -1,4 +1,4 @@
-#include "trainer/import/matting.h"
+#include "trainer/import/masks/matting.h"
 
 #ifdef DOPPEL_OPENCV_DNN
 #include <opencv2/dnn.hpp>
