@@ -67,6 +67,11 @@ TEST(GivenMasks, FoldersAndVideosInOrder) {
     EXPECT_EQ(messageOf<InputError>([&] { film.next(96, 64); }),
               (folder / "masks.mp4").string() +
                   ": expected 12 masks, one for each picture of the clip, found 12");
+    GivenMasks few(folder / "masks.mp4", 11);
+    for (int i = 0; i < 11; ++i) few.skip();
+    EXPECT_EQ(messageOf<InputError>([&] { few.finish(); }),
+              (folder / "masks.mp4").string() +
+                  ": expected 11 masks, one for each picture of the clip, found more");
     EXPECT_EQ(messageOf<InputError>([&] { GivenMasks(folder / "masks", 13); }),
               (folder / "masks").string() +
                   ": expected 13 masks, one for each picture of the clip, found 12");
@@ -76,6 +81,25 @@ TEST(GivenMasks, FoldersAndVideosInOrder) {
               std::string::npos);
     GivenMasks larger(folder / "masks", 12);
     EXPECT_EQ(larger.next(96, 64).size(), size_t{96 * 64});
+}
+
+// A matte's soft rim is cut at the half, and its background's noise is nobody; labels are small
+// numbers; of a cut-out it is alpha that tells.
+TEST(GivenMasks, AreCutAtTheHalf) {
+    Folder folder;
+    fs::create_directory(folder / "masks");
+    Image matte(4, 1, 1), labels(4, 1, 1), cut(4, 1, 4, 255);
+    matte.data = {3, 100, 200, 255};
+    labels.data = {0, 1, 20, 2};
+    for (size_t i = 0; i < 4; ++i) cut.data[4 * i + 3] = matte.data[i];
+    writeImage(folder / "masks/a.png", matte);
+    writeImage(folder / "masks/b.png", labels);
+    writeImage(folder / "masks/c.png", cut);
+    GivenMasks masks(folder / "masks", 3);
+    EXPECT_EQ(masks.next(4, 1), (std::vector<uint8_t>{0, 0, 255, 255}));
+    EXPECT_EQ(masks.next(4, 1), (std::vector<uint8_t>{0, 255, 255, 255}));
+    EXPECT_EQ(masks.next(4, 1), (std::vector<uint8_t>{0, 0, 255, 255}));
+    masks.finish();
 }
 
 // A drawn figure that moves, in images/ beside masks/; one picture shows nobody, and one mask is

@@ -81,6 +81,11 @@ TEST_F(ViewerTest, WhatIsOpenedTellsByContentWhatItIs) {
     fs::create_directories(*folder_ / "pictures");
     EXPECT_NE(refusal(*folder_ / "pictures").find("`doppel import "), std::string::npos)
         << refusal(*folder_ / "pictures");
+    // A pose has joints as motions in JSON have.
+    const fs::path pose = *folder_ / "pose.json";
+    std::ofstream(pose) << R"({"doppel_pose": 1, "joints": {"left_wrist": [0.5, 0, -1]}})";
+    viewer.openFile(pose);
+    EXPECT_NEAR(viewer.editor().pose().rotation[joint::kLeftWrist].x, .5, 1e-6);
     std::ofstream(*folder_ / "notes.txt") << "nothing";
     EXPECT_NE(refusal(*folder_ / "notes.txt").find("the window opens avatars, captures"),
               std::string::npos)

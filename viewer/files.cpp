@@ -170,9 +170,9 @@ void Viewer::pastePose(const fs::path& path) {
 }
 
 void Viewer::openFile(const fs::path& path) {
-    if (path.filename() == "avatar.toml") return openAvatar(path.parent_path());
     const bool mixes = settings_.panel && tab_ == kMixTab;
-    if (LiveAvatar::isAvatar(path)) return mixes ? mixWith(path) : openAvatar(path);
+    const fs::path folder = path.filename() == "avatar.toml" ? path.parent_path() : path;
+    if (LiveAvatar::isAvatar(folder)) return mixes ? mixWith(folder) : openAvatar(folder);
     const std::string extension = endingOf(path);
     if (isMotion(path))
         afterSaving(fmt::format("Opening {} puts away what you edited, which is not saved.",
@@ -252,7 +252,10 @@ void Viewer::setLook(Theme theme, double scale) {
 fs::path Viewer::freeName(const std::string& stem, const std::string& extension) const {
     for (int i = 1;; ++i) {
         fs::path path = fmt::format("{}-{}{}", stem, i, extension);
-        if (!isTaken(path)) return path;
+        // What is under way takes its name when it is done.
+        const bool promised =
+            (film_ && film_->out() == path) || (mixSave_ && mixSave_->out == path);
+        if (!promised && !isTaken(path)) return path;
     }
 }
 

@@ -118,13 +118,17 @@ void Viewer::openAvatar(const fs::path& folder) {
     settings_.texture = bestTexture();
     settings_.paint = avatar_->textured ? kPaintTexture : kPaintClay;
     opened(folder);
-    // A motion is fitted to the body that it was read for.
-    if (motion() && !motionFile_.empty() && !editor_->modified())
-        loadMotion(motionFile_, motionFrames_);
+    fitMotionAgain();
     say(fmt::format("the avatar {}{}", folder.filename().string(),
                     motion() && editor_->modified()
                         ? "; the motion, which you edited, stays as it was fitted to the one before"
                         : ""));
+}
+
+// A motion is fitted to the body that it was read for.
+void Viewer::fitMotionAgain() {
+    if (motion() && !motionFile_.empty() && !editor_->modified())
+        loadMotion(motionFile_, motionFrames_);
 }
 
 TextureKind Viewer::bestTexture() const {

@@ -130,6 +130,8 @@ public:
     void save();
     // A motion, or a take that the viewer saved. Undo brings back what there was.
     void loadMotion(const std::filesystem::path& path, const std::string& frames = {});
+    // For another body, unless it was edited since.
+    void fitMotionAgain();
     void closeMotion();
     // Whatever a file is: a motion, a pose, a picture. Asks first where that would put away what
     // is not saved.

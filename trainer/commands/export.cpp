@@ -227,10 +227,17 @@ void checkName(ExportOptions& options) {
     takeAllowed(options);
     if (!options.networks.empty()) {
         const std::pair<const char*, bool> others[] = {
-            {"--motion", !options.motions.empty()}, {"--frames", !options.frames.empty()},
-            {"--shapes", options.shapes},           {"--material lit", options.material == "lit"},
-            {"--allow", !options.allowed.empty()},  {"--author", !options.author.empty()},
-            {"--licence", !options.licence.empty()}};
+            {"--motion", !options.motions.empty()},
+            {"--frames", !options.frames.empty()},
+            {"--shapes", options.shapes},
+            {"--material lit", options.material == "lit"},
+            {"--allow", !options.allowed.empty()},
+            {"--author", !options.author.empty()},
+            {"--licence", !options.licence.empty()},
+            {"--avatar-permission", options.permissions.wearer != VrmPermissions{}.wearer},
+            {"--commercial-usage", options.permissions.commercial != VrmPermissions{}.commercial},
+            {"--modification", options.permissions.modification != VrmPermissions{}.modification},
+            {"--credit-notation", options.permissions.credit != VrmPermissions{}.credit}};
         for (const auto& [flag, isGiven] : others)
             if (isGiven) throwInput("{}: expected --out or --web, found --networks", flag);
         return;

@@ -43,7 +43,12 @@ ImportSource readImportSource(const ImportRequest& request) {
     const fs::path& source = request.source;
     std::vector<const char*> looks;
     for (const auto& importer : importers()) {
-        if (importer.recognises(source)) return {importer.read(request), importer.name};
+        if (importer.recognises(source)) {
+            if (!request.masks.empty() && !importer.isClip)
+                throwInput("--masks: expected a clip or its pictures, found the layout {}",
+                           importer.name);
+            return {importer.read(request), importer.name};
+        }
         looks.push_back(importer.looks);
     }
     std::error_code error;

@@ -54,8 +54,9 @@ struct ImportSource {
 class Importer {
 public:
     struct Declaration {
-        const char* name;   // kept in capture.toml
-        const char* looks;  // for the error that lists what is known
+        const char* name;     // kept in capture.toml
+        const char* looks;    // for the error that lists what is known
+        bool isClip = false;  // whose person has to be found
         // By content; no two importers recognise the same. source: a folder or a file.
         bool (*recognises)(const std::filesystem::path& source);
         // InputErrors name the file, the field, what was expected and what was found.

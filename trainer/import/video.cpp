@@ -204,6 +204,7 @@ fs::path masksOf(const ImportRequest& request, const fs::path& pictures) {
         return request.masks;
     }
     std::error_code error;
+    if (!request.plate.empty() || !request.matting.empty()) return {};
     const fs::path beside = request.source / "masks";
     return pictures != request.source && fs::is_directory(beside, error) ? beside : fs::path();
 }
@@ -296,6 +297,7 @@ Capture readClip(const ImportRequest& request) {
         found.times.push_back(frames[i].time);
         found.numbers.push_back(int32_t(i));
     }
+    if (masks) masks->finish();
     if (capture.frames.empty()) {
         throwInput(
             "{}: expected a person in its {} frames, found nobody; film one person, whole "
@@ -373,6 +375,7 @@ Capture readClip(const ImportRequest& request) {
 const Importer kVideo{{
     .name = "video",
     .looks = "a video",
+    .isClip = true,
     .recognises =
         [](const fs::path& source) {
             std::error_code error;
@@ -384,6 +387,7 @@ const Importer kVideo{{
 const Importer kPictures{{
     .name = "pictures",
     .looks = "pictures (a clip's frames), also in images/ beside masks/",
+    .isClip = true,
     .recognises = [](const fs::path& source) { return !picturesIn(source).empty(); },
     .read = readClip,
 }};

@@ -78,12 +78,13 @@ Skeleton skeletonOf(const json& root, const std::string& file) {
         const json& parent = parents[j];
         if (!names[j].is_string() || !parent.is_number_integer() ||
             parent.get<int64_t>() >= static_cast<int64_t>(j) ||
-            (parent.get<int64_t>() < 0) != (j == 0))
+            parent.get<int64_t>() < (j == 0 ? -1 : 0))
             throwInput(
                 "{}: parents: expected -1 for the first joint and for each other one an earlier "
                 "joint, found {} for joint {}",
                 file, printable(parent.dump()), j);
-        skeleton.joints.push_back({names[j].get<std::string>(), std::max(-1, parent.get<int>())});
+        skeleton.joints.push_back(
+            {names[j].get<std::string>(), static_cast<int>(parent.get<int64_t>())});
         skeleton.rest.push_back(placeOf(rest[j], file + ": rest"));
     }
     return skeleton;
@@ -145,7 +146,8 @@ const MotionFormat kJson{{
         [](const fs::path&, std::string_view begin) {
             begin.remove_prefix(std::min(begin.find_first_not_of(" \t\r\n"), begin.size()));
             return begin.starts_with('{') && begin.find("\"joints\"") != std::string_view::npos &&
-                   begin.find("\"asset\"") == std::string_view::npos;
+                   begin.find("\"asset\"") == std::string_view::npos &&
+                   begin.find("\"doppel_pose\"") == std::string_view::npos;
         },
     .read = readJsonMotion,
 }};

@@ -25,8 +25,6 @@ constexpr double kHidden = 0.012;
 // Weight of the least cosine to the camera, 14 degrees from its side: what is seen by a smaller one
 // is as good as not seen, and its picture is the outline's.
 constexpr float kLeastFacing = .0037f;
-// Evenly taken: more would hardly change a mean.
-constexpr size_t kMostFrames = 120;
 // Samples of the depth per pixel and axis, in pictures of up to so many pixels.
 constexpr int kSamples = 2;
 constexpr int64_t kSampledPixels = int64_t{1} << 20;
@@ -265,7 +263,7 @@ FirstTexels backProject(Device& device, const BodyModel& body, const Capture& ca
     std::unique_ptr<DepthMap> depths;
     const std::vector<TexelPlace> places = texelPlaces(body, size);
     std::vector<double> sums(3 * places.size()), totals(places.size());
-    const size_t count = std::min(capture.size(), kMostFrames);
+    const size_t count = std::min(capture.size(), kProjectedFrames);
     const auto ranksCount = static_cast<size_t>(sizeOf(ranks));
     const size_t own = static_cast<size_t>(rankOf(ranks)),
                  mine = (count + ranksCount - 1 - own) / ranksCount;

@@ -195,7 +195,9 @@ bool StageLoop::run(const LoopSettings& settings) {
         }
         // What is kept or shown is the state after step i, whose losses must be finite.
         bool draws = picture && pictures.due();
-        bool saves = settings.keeps() && checkpoint.due(settings.checkpointSeconds);
+        // What follows the last step takes its time as well.
+        bool saves =
+            settings.keeps() && (i + 1 == steps || checkpoint.due(settings.checkpointSeconds));
         const bool pauses = anyRank(settings.ranks, draws || saves || interrupted());
         if (!pauses && i + 1 < steps) continue;
         reportUntil(i + 1, i + 1);

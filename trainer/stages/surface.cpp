@@ -318,6 +318,26 @@ void trainShape(Device& device, TrainResult& result, const TrainSettings& settin
         setOffsets(avatar, trained->offsets);
 }
 
+namespace {
+
+// Of many frames some may show what those that are looked at do not: what was learned there has
+// left where it began.
+void trustWhatMoved(std::span<const float> began, FirstTexels& first) {
+    constexpr float kMoved = 4.f / 255;
+    constexpr double kTrust = .01;  // as of what is seen from its side
+    for (size_t i = 0; i < first.origin.size(); ++i) {
+        if (first.origin[i] == kNoTexel || first.origin[i] == kFromFrames) continue;
+        float moved = 0;
+        for (size_t c = 3 * i; c < 3 * i + 3; ++c)
+            moved = std::max(moved, std::abs(first.texture[c] - began[c]));
+        if (moved < kMoved) continue;
+        first.origin[i] = kFromFrames;
+        first.trust[i] = kTrust;
+    }
+}
+
+}  // namespace
+
 void trainTexels(Device& device, TrainResult& result, const TrainSettings& settings) {
     Avatar& avatar = result.avatar;
     const int size = avatar.preset.texture.textureSize;
@@ -359,6 +379,7 @@ void trainTexels(Device& device, TrainResult& result, const TrainSettings& setti
         first = backProject(device, avatar.body, result.capture, cache, size,
                             avatar.preset.texels.rim, settings.ranks, settings.known);
         std::swap(first.texture, trained->texels);
+        if (result.capture.size() > kProjectedFrames) trustWhatMoved(run.texels, first);
         fillUnseen(avatar.body, size, settings.known, first);
         std::swap(first.texture, trained->texels);
         if (avatar.preset.texels.cleanHands) cleanHands(avatar.body, size, trained->texels);

@@ -57,7 +57,9 @@ void Viewer::drawSource(size_t i, std::optional<int> refinement) {
     Scene& scene = sourceBody_->scene();
     const Motion& source = *openedMotion()->source;
     const size_t frame = std::min(frameNow(), source.size() - 1);
-    scene.setPose(source.theta[frame], source.trans[frame], source.betas);
+    // The default body's; other models' coefficients mean something else.
+    const Betas betas = source.shape == ShapeSpace::Body ? source.betas : Betas{};
+    scene.setPose(source.theta[frame], source.trans[frame], betas);
     ShadeOptions clay = shadeOptions(pane);
     clay.paint = kPaintClay;
     clay.inset = 0;

@@ -27,14 +27,21 @@ void Viewer::beginMix() {
         if (unmixed_) dress(std::exchange(unmixed_, nullptr));
         return;
     }
+    if (!unmixed_ && !avatar_->textured) {
+        mixer_.chosen = {};
+        throwInput("{}: expected an avatar with a texture, which can be dressed, found none",
+                   source_.folder().string());
+    }
     if (!unmixed_) unmixed_ = avatar_;
     mixer_.begin(unmixed_, source_.folder());
 }
 
 void Viewer::dress(std::shared_ptr<LoadedAvatar> avatar) {
+    const bool moves = avatar->avatar.betas != avatar_->avatar.betas;
     useAvatar(std::move(avatar));
     editor_->setOpenedBetas(avatar_->avatar.betas);
     settings_.texture = bestTexture();
+    if (moves) fitMotionAgain();
 }
 
 void Viewer::advanceMix() {
@@ -62,15 +69,17 @@ void Viewer::saveMix(const fs::path& out) {
         throwInput("{}: expected a new folder, found that there is one", out.string());
     mixSave_ = std::make_unique<ExportJob>();
     mixSave_->out = out;
-    mixSave_->done =
-        std::async(std::launch::async, [device = options_.device, avatar = avatar_, out] {
-            OutputFolder folder(out, kAvatarKind);
-            writeAvatar(folder.folder(), avatar->avatar);
-            Device drawing(device);
-            writePreview(drawing, avatar->avatar, folder.folder() / "preview.png");
-            folder.commit();
-            glfwPostEmptyEvent();
-        });
+    mixSave_->done = std::async(std::launch::async, [device = options_.device, loaded = avatar_,
+                                                     betas = editor_->betas(), out] {
+        OutputFolder folder(out, kAvatarKind);
+        Avatar avatar = loaded->avatar;
+        avatar.betas = betas;  // as it is shown
+        writeAvatar(folder.folder(), avatar);
+        Device drawing(device);
+        writePreview(drawing, avatar, folder.folder() / "preview.png");
+        folder.commit();
+        glfwPostEmptyEvent();
+    });
 }
 
 void Viewer::drawMixTab() {

@@ -20,7 +20,8 @@ namespace doppel {
 
 std::vector<std::filesystem::path> inputsOf(const ImportOptions& options) {
     const ImportRequest& request = options.settings.request;
-    return {request.source, request.poses, request.plate, request.matting, request.masks, bodyFile(options.body)};
+    return {request.source,  request.poses, request.plate,
+            request.matting, request.masks, bodyFile(options.body)};
 }
 
 ImportResult bringIn(const ImportOptions& options) {

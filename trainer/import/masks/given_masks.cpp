@@ -1,5 +1,6 @@
 #include "trainer/import/masks/given_masks.h"
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 
@@ -10,6 +11,30 @@
 
 namespace doppel {
 namespace fs = std::filesystem;
+
+namespace {
+
+// [H,W] 255 where a picture of 3 or 4 channels shows the person.
+Image maskOf(const Image& picture) {
+    constexpr uint8_t kLabels = 64, kHalf = 127;
+    const size_t pixels = size_t(picture.width) * size_t(picture.height),
+                 channels = size_t(picture.channels);
+    auto isCut = [&](size_t i) { return picture.data[channels * i + 3] < 255; };
+    bool cut = false;
+    for (size_t i = 0; i < pixels && channels == 4 && !cut; ++i) cut = isCut(i);
+    Image mask(picture.width, picture.height, 1);
+    uint8_t most = 0;
+    for (size_t i = 0; i < pixels; ++i) {
+        const uint8_t* colour = &picture.data[channels * i];
+        mask.data[i] = cut ? colour[3] : std::max({colour[0], colour[1], colour[2]});
+        most = std::max(most, mask.data[i]);
+    }
+    const uint8_t above = !cut && most < kLabels && channels == 4 ? 0 : kHalf;
+    for (uint8_t& value : mask.data) value = value > above ? 255 : 0;
+    return mask;
+}
+
+}  // namespace
 
 struct GivenMasks::Parts {
     fs::path source;
@@ -48,21 +73,23 @@ void GivenMasks::skip() {
     ++parts_->read;
 }
 
+void GivenMasks::finish() {
+    Image more;
+    if (parts_->video && parts_->video->next(more))
+        throwInput("{}: expected {} masks, one for each picture of the clip, found more",
+                   parts_->source.string(), parts_->pictures);
+}
+
 std::vector<uint8_t> GivenMasks::next(int width, int height) {
     constexpr double kShape = .02;  // by how much the sides' ratios may differ
     Parts& p = *parts_;
     Image mask;
     std::string name = p.source.string();
     if (p.video) {
-        const Image picture = p.frame();
-        mask = Image(picture.width, picture.height, 1);
-        for (size_t i = 0; i < mask.data.size(); ++i) {
-            const uint8_t* rgb = &picture.data[3 * i];
-            mask.data[i] = rgb[0] + rgb[1] + rgb[2] > 3 * 127 ? 255 : 0;
-        }
+        mask = maskOf(p.frame());
     } else {
         name = p.files.at(p.read).string();
-        mask = readMask(p.files[p.read]);
+        mask = maskOf(readImage(p.files[p.read], 4));
     }
     ++p.read;
     const double wide = double(mask.width) * height, high = double(mask.height) * width;

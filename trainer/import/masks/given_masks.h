@@ -8,8 +8,9 @@
 
 namespace doppel {
 
-// One mask for each picture of a clip, in their order. A folder's are read as readMask() reads
-// masks; a video's are the person where they are lighter than half.
+// One mask for each picture of a clip, in their order: the person is where they are lighter, or,
+// cut out, more opaque than half, for mattes have soft rims; of small numbers, which are labels,
+// all that are not 0.
 class GivenMasks {
 public:
     // pictures: how many the clip has. InputError where a folder has another number of masks.
@@ -22,6 +23,8 @@ public:
     std::vector<uint8_t> next(int width, int height);
     // One that nobody wants.
     void skip();
+    // After the last. InputError where a video goes on.
+    void finish();
 
 private:
     struct Parts;
