@@ -114,12 +114,6 @@ void runTrain(const TrainOptions& options) {
         capture.source["chosen"] = "for their poses";  // so that they are no video
     }
 
-    const bool paints = std::ranges::any_of(options.stages, [](const std::string& stage) {
-        return stage == "texels" || stage == "texture";
-    });
-    if (const std::string lacking = whatIsNotSeen(capture); paints && !lacking.empty())
-        fmt::print(stderr, "{}\n", lacking);
-
     std::optional<RunRecord> unfinished;
     if (!options.restart && options.profileSteps == 0) unfinished = readRunRecord(options.out);
     if (options.resume && !unfinished)
@@ -217,6 +211,11 @@ void runTrain(const TrainOptions& options) {
         settings.ranks = ranks;
         sayRanks(*ranks, device.info());
     }
+    const bool paints = std::ranges::any_of(options.stages, [](const std::string& stage) {
+        return stage == "texels" || stage == "texture";
+    });
+    if (const std::string lacking = whatIsNotSeen(capture); paints && !lacking.empty())
+        fmt::print(stderr, "{}\n", lacking);
     TrainResult result = trainAvatar(device, std::move(avatar), std::move(capture), settings);
     if (ranks) sayDecoded(*ranks);
     if (settings.profileSteps > 0) return;
