@@ -489,11 +489,11 @@ TEST(Motion, AFormatIsOneDeclaration) {
     folder.write("other.txt", std::string("nothing of the kind"));
     EXPECT_EQ(messageOf<InputError>([&] { readMotion(folder / "other.txt"); }),
               (folder / "other.txt").string() +
-                  ": expected a motion: a .bvh, a capture's folder, a glTF animation (.glb, .gltf, "
-                  ".vrm, .vrma), a poses.npz, a still.txt, an FBX animation (.fbx) or other "
-                  "programs' poses (AMASS, "
-                  "4D-Humans, WHAM, GVHMR, ROMP, VIBE, SPIN, "
-                  "EasyMocap), found another kind of file");
+                  ": expected a motion: a .bvh, a USD animation as export writes it (.usda), a "
+                  "capture's folder, a glTF animation (.glb, .gltf, .vrm, .vrma), a poses.npz, a "
+                  "still.txt, an FBX animation (.fbx), other programs' poses (AMASS, 4D-Humans, "
+                  "WHAM, GVHMR, ROMP, VIBE, SPIN, EasyMocap) or poses as JSON, as export writes "
+                  "them, found another kind of file");
 }
 
 TEST(SelectFrames, Ranges) {

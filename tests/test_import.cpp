@@ -461,7 +461,8 @@ TEST(Import, AnImporterIsOneDeclaration) {
         messageOf<InputError>([&] { import(folder / "empty", folder / "out2"); })
             .find("empty: expected a known layout: a video, or images/ and smpl_pose/ (Human "
                   "Retargeting), or images/, cameras.npz and poses.npz (a capture), or pictures (a "
-                  "clip's frames), or recording.txt (a test's); found an empty folder"),
+                  "clip's frames), also in images/ beside masks/, or recording.txt (a test's); "
+                  "found an empty folder"),
         std::string::npos);
 }
 

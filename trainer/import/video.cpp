@@ -183,15 +183,20 @@ void leaveOutDoubtful(Capture& capture, Found& found, std::vector<ClipFrame>& fr
     std::erase(found.beginnings, kept);
 }
 
-// Where a folder's pictures are: in it, or in images/ where there are neither poses nor cameras.
+// Where a folder's pictures are: in it, or in images/, beside which there may be masks/.
 // Empty: nowhere.
 fs::path picturesIn(const fs::path& folder) {
     std::error_code error;
     if (!fs::is_directory(folder, error)) return {};
     const fs::path images = folder / "images";
     if (!fs::exists(images, error)) return picturesOfFolder(folder).empty() ? fs::path() : folder;
-    for (const char* known : {"smpl_pose", "cameras.npz", "poses.npz"})
-        if (fs::exists(folder / known, error)) return {};
+    // Other folders and arrays belong to a layout, of which a part may be missing.
+    for (const auto& entry : fs::directory_iterator(folder, error)) {
+        const fs::path name = entry.path().filename();
+        if (entry.is_directory(error) ? name != "images" && name != "masks"
+                                      : name.extension() == ".npz")
+            return {};
+    }
     return !fs::is_directory(images, error) || picturesOfFolder(images).empty() ? fs::path()
                                                                                 : images;
 }
