@@ -170,6 +170,19 @@ TEST(GivenMasks, AreTakenAndWhatTheyContradictIsLeftOut) {
     EXPECT_EQ(messageOf<InputError>([&] { importCapture(settings, noBody); }),
               "--masks: expected neither --plate nor --matting, which make masks");
     settings.request.plate.clear();
+    // Not the pictures for the masks.
+    settings.request.masks = folder / "clip/images";
+    EXPECT_NE(messageOf<InputError>([&] {
+                  importCapture(settings, noBody);
+              }).find("images: expected masks of the person in the clip's pictures"),
+              std::string::npos);
+    settings.request.masks = folder / "clip/none";
+    EXPECT_NE(messageOf<InputError>([&] {
+                  importCapture(settings, noBody);
+              }).find("--masks: expected a folder of masks or a video, found nothing at"),
+              std::string::npos);
+    EXPECT_FALSE(fs::exists(settings.out));
+    settings.request.masks = folder / "clip/masks";
     importCapture(settings, noBody);
     EXPECT_EQ(readCapture(settings.out).size(), 4u);
 }

@@ -91,6 +91,46 @@ TEST_F(MixTest, ThePanelChoosesWhoGivesWhat) {
     EXPECT_EQ(viewer.avatar().texture, readAvatar(*folder_ / "plain").texture);
 }
 
+TEST_F(MixTest, WhatIsNotSavedIsAskedAbout) {
+    Viewer& viewer = openPlain();
+    viewer.mixWith(blue());
+    viewer.takePart(partNamed("top"), 1);
+    settle();
+    const auto mixed = viewer.avatar().texture;
+    viewer.openFile(*folder_ / "plain");
+    settle();
+    ASSERT_FALSE(viewer.question().empty());
+    EXPECT_EQ(viewer.avatar().texture, mixed);
+    viewer.answer("Cancel");
+    EXPECT_EQ(viewer.avatar().texture, mixed);
+    // Saved, it may be put away.
+    viewer.saveMix(*folder_ / "kept");
+    work();
+    viewer.openFile(*folder_ / "plain");
+    EXPECT_TRUE(viewer.question().empty());
+    EXPECT_EQ(viewer.avatar().texture, readAvatar(*folder_ / "plain").texture);
+    EXPECT_EQ(readAvatar(*folder_ / "kept").provenance.at("top"), (*folder_ / "blue").string());
+
+    viewer.mixWith(*folder_ / "blue");
+    viewer.takePart(partNamed("shape"), 1);
+    settle();
+    viewer.openFile(*folder_ / "plain");
+    viewer.answer("Do not save");
+    EXPECT_EQ(viewer.avatar().texture, readAvatar(*folder_ / "plain").texture);
+    EXPECT_EQ(viewer.editor().betas()[0], readAvatar(*folder_ / "plain").betas[0]);
+
+    // A base without a texture cannot be dressed.
+    Avatar bare = plainAvatar();
+    bare.texture.clear();
+    bare.textureSize = 0;
+    writeAvatar(*folder_ / "bare", bare);
+    viewer.openFile(*folder_ / "bare");
+    EXPECT_NE(messageOf<InputError>([&] {
+                  viewer.takePart(partNamed("top"), 1);
+              }).find("bare: expected an avatar with a texture"),
+              std::string::npos);
+}
+
 TEST_F(MixTest, WhoHasNoTextureGivesNothing) {
     Viewer& viewer = openPlain();
     Avatar other = plainAvatar();

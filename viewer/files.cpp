@@ -172,7 +172,11 @@ void Viewer::pastePose(const fs::path& path) {
 void Viewer::openFile(const fs::path& path) {
     const bool mixes = settings_.panel && tab_ == kMixTab;
     const fs::path folder = path.filename() == "avatar.toml" ? path.parent_path() : path;
-    if (LiveAvatar::isAvatar(folder)) return mixes ? mixWith(folder) : openAvatar(folder);
+    if (LiveAvatar::isAvatar(folder) && mixes) return mixWith(folder);
+    if (LiveAvatar::isAvatar(folder))
+        return afterSavingMix(fmt::format("Opening {} puts away what is mixed, which is not saved.",
+                                          folder.filename().string()),
+                              [this, folder] { openAvatar(folder); });
     const std::string extension = endingOf(path);
     if (isMotion(path))
         afterSaving(fmt::format("Opening {} puts away what you edited, which is not saved.",
@@ -358,6 +362,24 @@ void Viewer::afterSaving(const std::string& what, std::function<void()> then) {
            },
            "Saves it, then goes on."},
           {"Do not save", then, "What you edited is lost."},
+          {"Cancel", {}, "Leaves all as it is."}}});
+}
+
+void Viewer::afterSavingMix(const std::string& what, std::function<void()> then) {
+    if (mixSaved_) return then();
+    ask({what,
+         {{"Save",
+           [this, then] {
+               saveMix(freeName("mixed", ""));
+               then();
+           },
+           "Writes it as a new avatar, then goes on."},
+          {"Do not save",
+           [this, then] {
+               mixSaved_ = true;
+               then();
+           },
+           "What is mixed is lost."},
           {"Cancel", {}, "Leaves all as it is."}}});
 }
 

@@ -68,7 +68,13 @@ void Viewer::advanceJobs() {
     if (mixSave_ &&
         mixSave_->done.wait_for(std::chrono::milliseconds(0)) == std::future_status::ready) {
         const std::unique_ptr<ExportJob> job = std::move(mixSave_);
-        job->done.get();
+        try {
+            job->done.get();
+        } catch (...) {
+            mixSaved_ = false;
+            window_.keepOpen();
+            throw;
+        }
         say(fmt::format("avatar in {}", job->out.string()));
     }
     if (film_) advanceFilm();

@@ -112,6 +112,7 @@ void Viewer::openAvatar(const fs::path& folder) {
     endDrag();
     unmixed_.reset();
     mixer_.chosen = {};
+    mixSaved_ = true;
     source_ = std::move(source);
     useAvatar(std::move(avatar));
     editor_->setOpenedBetas(avatar_->avatar.betas);
@@ -187,6 +188,10 @@ bool Viewer::frame() {
         if (editor_->modified() && givenUpVersion_ != editor_->version()) {
             window_.keepOpen();
             askToLeave();
+        } else if (!mixSaved_) {
+            window_.keepOpen();
+            if (!question_)
+                afterSavingMix("What is mixed is not saved.", [this] { window_.close(); });
         } else if (film_ && !leaveAfterFilm_) {
             window_.keepOpen();
             if (!question_) askToLeaveFilm();

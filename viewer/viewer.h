@@ -258,6 +258,8 @@ private:
     void askToLeave();
     // Does it, once what is not saved is saved or given up.
     void afterSaving(const std::string& what, std::function<void()> then);
+    // The same of what is mixed.
+    void afterSavingMix(const std::string& what, std::function<void()> then);
     void saveAs(const std::filesystem::path& path);
     // By the desktop's dialog, which goes on beside the window.
     void askForFile(FileDialog::Asks asks, const std::string& title,
@@ -469,6 +471,7 @@ private:
     std::unique_ptr<SourceBody> sourceBody_;
     Mixer mixer_;
     std::shared_ptr<LoadedAvatar> unmixed_;  // the avatar without what others give; null: as it is
+    bool mixSaved_ = true;  // what is mixed, or there is nothing
     std::unique_ptr<Painter> painter_;
     std::unique_ptr<PoseEditor> editor_;
     mutable Skeleton skeleton_{};

@@ -138,14 +138,20 @@ void cutAll(const Capture& capture, Found& found, const fs::path& shares, bool g
 }
 
 // Leaves frames out whose mask has little to do with where the person was found: training would
-// learn what is not hers. Where it is half of them or more, the masks are of another kind than the
-// network's, and are believed.
+// learn what is not hers. Where it is half of them or more, masks that were cut here are of another
+// kind than the network's, and are believed; those that were given (a path; else empty) are not
+// this clip's: InputError.
 void leaveOutDoubtful(Capture& capture, Found& found, std::vector<ClipFrame>& frames,
-                      ClipQuality& quality) {
+                      const fs::path& given, ClipQuality& quality) {
     constexpr double kLeastAgreement = .5;  // IoU
     const auto isDoubtful = [](const FrameQuality& f) { return f.agreement < kLeastAgreement; };
     const size_t count = capture.size(),
                  doubtful = size_t(std::ranges::count_if(quality.frames, isDoubtful));
+    if (2 * doubtful >= count && !given.empty())
+        throwInput(
+            "{}: expected masks of the person in the clip's pictures, in their order, found ones "
+            "that have little to do with where the person is in {} of {} frames",
+            given.string(), doubtful, count);
     if (2 * doubtful >= count) return;
     std::vector<size_t> keptBefore;
     size_t kept = 0;
@@ -203,12 +209,15 @@ fs::path picturesIn(const fs::path& folder) {
 
 // The masks that were asked for, or that lie beside images/; empty: none.
 fs::path masksOf(const ImportRequest& request, const fs::path& pictures) {
+    std::error_code error;
     if (!request.masks.empty()) {
         if (!request.plate.empty() || !request.matting.empty())
             throwInput("--masks: expected neither --plate nor --matting, which make masks");
+        if (!fs::exists(request.masks, error))
+            throwInput("--masks: expected a folder of masks or a video, found nothing at {}",
+                       request.masks.string());
         return request.masks;
     }
-    std::error_code error;
     if (!request.plate.empty() || !request.matting.empty()) return {};
     const fs::path beside = request.source / "masks";
     return pictures != request.source && fs::is_directory(beside, error) ? beside : fs::path();
@@ -316,7 +325,7 @@ Capture readClip(const ImportRequest& request) {
                                    seenFaces, found.faces.size())
                      : "by the ears; scripts/setup --models fetches a network that sees faces";
     cutAll(capture, found, shares, bool(masks), cutter, quality);
-    leaveOutDoubtful(capture, found, frames, quality);
+    leaveOutDoubtful(capture, found, frames, given, quality);
     quality.masks = masks ? fmt::format("given, {}", given.filename().string()) : cutter.source();
     fs::remove_all(shares);
     const size_t swaps = mendSwaps(found.track, found.beginnings);

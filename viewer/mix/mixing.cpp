@@ -24,6 +24,7 @@ void Viewer::takePart(size_t part, int giver) {
 
 void Viewer::beginMix() {
     if (!mixer_.mixes()) {
+        mixSaved_ = true;
         if (unmixed_) dress(std::exchange(unmixed_, nullptr));
         return;
     }
@@ -56,6 +57,7 @@ void Viewer::advanceMix() {
     }
     // It may have been undressed meanwhile.
     if (!mixed || !mixer_.mixes()) return;
+    mixSaved_ = false;
     dress(std::move(mixed->avatar));
     if (!mixed->capsWorn)
         say("hair and loose cloth that hang free are left out: the texture has no room");
@@ -69,6 +71,7 @@ void Viewer::saveMix(const fs::path& out) {
         throwInput("{}: expected a new folder, found that there is one", out.string());
     mixSave_ = std::make_unique<ExportJob>();
     mixSave_->out = out;
+    mixSaved_ = true;
     mixSave_->done = std::async(std::launch::async, [device = options_.device, loaded = avatar_,
                                                      betas = editor_->betas(), out] {
         OutputFolder folder(out, kAvatarKind);
