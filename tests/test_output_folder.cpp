@@ -188,6 +188,53 @@ TEST(OutputFolder, WhatKilledRunsLeaveGoesWithTheNextRun) {
     EXPECT_EQ(bytesOf(folder / ".out.doppel-abcdef/mine.txt"), "somebody's");
 }
 
+TEST(OutputFolder, LongWorkGoesOn) {
+    Folder folder;
+    const fs::path out = folder / "out";
+    {
+        Other other([&] {
+            static OutputFolder output(out, "capture", "clip, every 3");
+            put(output.folder() / "a.txt", "half");
+        });
+        says(messageOf<InputError>([&] { OutputFolder again(out, "capture", "clip, every 3"); }),
+             "out: another run of Doppel is writing it; wait for it, or name another place");
+        other.end();
+    }
+    const std::vector<std::string> left = folder.names();
+    ASSERT_EQ(left.size(), 1u);
+    {
+        OutputFolder output(out, "capture", "clip, every 3");
+        EXPECT_TRUE(output.goesOn());
+        EXPECT_EQ(output.folder(), folder / left[0]);
+        EXPECT_EQ(bytesOf(output.folder() / "a.txt"), "half");
+        put(output.folder() / "b.txt", "more");
+        output.leave();
+    }
+    EXPECT_EQ(folder.names(), left);
+    {
+        OutputFolder output(out, "capture", "clip, every 3");
+        EXPECT_TRUE(output.goesOn());
+        output.commit();
+    }
+    EXPECT_EQ(folder.names(), std::vector<std::string>{"out"});
+    EXPECT_EQ(bytesOf(out / "a.txt") + bytesOf(out / "b.txt"), "halfmore");
+    EXPECT_FALSE(fs::exists(out / ".doppel-work"));
+    // Other work, another kind, and what cannot go on begin anew; what fails leaves nothing.
+    for (const auto& [kind, work] : {std::pair{"capture", "clip, every 4"},
+                                     {"capture", "clip"},
+                                     {"capture", ""},
+                                     {"motion", "clip, every 3"}}) {
+        const fs::path place = folder / "place";
+        {
+            OutputFolder output(place, "capture", "clip, every 3");
+            EXPECT_FALSE(output.goesOn());
+            output.leave();
+        }
+        EXPECT_FALSE(OutputFolder(place, kind, work).goesOn()) << kind << work;
+        EXPECT_EQ(folder.names(), std::vector<std::string>{"out"});
+    }
+}
+
 TEST(OutputFolder, ALockEndsWithItsProcess) {
     Folder folder;
     {

@@ -27,26 +27,6 @@ struct AvatarOptions {
     uint64_t memoryBudget = 0;
 };
 
-// All that the capture depends on.
-std::string requestOf(const ImportOptions& options) {
-    const ImportRequest& r = options.settings.request;
-    const ClipOptions& clip = r.clip;
-    std::error_code ignored;
-    // Files by their places from the root, for the command may be given again in another folder.
-    const auto place = [](const fs::path& path) {
-        return path.empty() ? std::string() : fs::absolute(path).lexically_normal().string();
-    };
-    return fmt::format(
-        "source = {}\nbytes = {}\nkey = {}\nfps = {}\nframes = {}\nfrom = {}\nto = {}\nevery = {}\n"
-        "rows = {}\nkeep_similar = {}\npose = {}\nperson = {}\nfov = {}\nheight = {}\nbody = {}\n"
-        "plate = {}\nmatting = {}\nmatting_kind = {}\nposes = {}\n{}",
-        place(r.source),
-        fs::is_regular_file(r.source, ignored) ? fs::file_size(r.source, ignored) : 0, r.key, r.fps,
-        r.frames, clip.from, clip.to, clip.every, clip.rows, clip.keepSimilar, options.net,
-        r.person, r.fov, r.height, options.body, place(r.plate), place(r.matting), r.mattingKind,
-        place(r.poses), r.masks.empty() ? "" : fmt::format("masks = {}\n", place(r.masks)));
-}
-
 std::string contentOf(const fs::path& path) {
     std::ifstream file(path, std::ios::binary);
     return {std::istreambuf_iterator<char>(file), {}};
@@ -57,8 +37,9 @@ void bringCaptureIn(const AvatarOptions& options) {
     ImportOptions import = options.import;
     import.common = options.common;
     import.settings.out = options.out / "capture";
+    import.settings.startsOver = options.restart;
     const fs::path request = options.out / "request.txt";
-    const std::string asked = requestOf(import), there = contentOf(request);
+    const std::string asked = workOf(import), there = contentOf(request);
     const bool finished = fs::exists(import.settings.out / "capture.toml");
     if (finished && !options.restart) {
         if (there == asked) {

@@ -12,7 +12,8 @@
 namespace doppel {
 namespace fs = std::filesystem;
 
-CaptureWriter::CaptureWriter(const fs::path& folder) : output_(folder, "capture") {}
+CaptureWriter::CaptureWriter(const fs::path& folder, std::string_view work)
+    : output_(folder, "capture", work) {}
 
 void CaptureWriter::copyImage(const std::string& name, const fs::path& file) {
     createFolders(output_.folder() / "images");

@@ -6,6 +6,7 @@
 #include <map>
 #include <span>
 #include <string>
+#include <string_view>
 
 #include "trainer/data/capture.h"
 #include "trainer/data/output_folder.h"
@@ -21,10 +22,16 @@ namespace doppel {
 //     writer.commit(capture);
 class CaptureWriter {
 public:
-    explicit CaptureWriter(const std::filesystem::path& folder);
+    // work: see OutputFolder.
+    explicit CaptureWriter(const std::filesystem::path& folder, std::string_view work = {});
 
     // The temporary folder, for whatever else belongs to the capture (overlays).
     const std::filesystem::path& folder() const { return output_.folder(); }
+
+    // What a run of the same work has left is in the folder.
+    bool goesOn() const { return output_.goesOn(); }
+    // Leaves the folder to the next run of the same work.
+    void leave() noexcept { output_.leave(); }
 
     // A file that is in its place already stays there.
     void copyImage(const std::string& name, const std::filesystem::path& file);

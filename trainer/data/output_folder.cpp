@@ -180,25 +180,50 @@ std::vector<fs::path> temporaryFolders(const fs::path& target) {
     return found;
 }
 
-// Deletes what killed runs have left beside a place; InputError where a run that lives is writing
-// to it.
-void removeLeftFolders(const fs::path& target) {
+constexpr const char* kWorkName = ".doppel-work";  // what a folder that can go on is of
+
+bool isOfWork(const fs::path& folder, std::string_view kind, std::string_view work) {
+    const fs::path file = folder / kWorkName;
+    std::error_code ignored;
+    if (work.empty() || !fs::is_regular_file(fs::symlink_status(file, ignored))) return false;
+    const std::optional<FileList> list = readFileList(folder);
+    if (!list || list->kind != kind) return false;
+    const std::vector<uint8_t> bytes = readFileHead(file, work.size() + 1);
+    return std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()) == work;
+}
+
+struct LeftFolder {
+    fs::path path;
+    int lock = -1;  // held
+};
+
+// Deletes what killed runs have left beside a place, but for a folder of this work and kind, which
+// is returned; InputError where a run that lives is writing to it.
+std::optional<LeftFolder> removeLeftFolders(const fs::path& target, std::string_view kind = {},
+                                            std::string_view work = {}) {
+    std::optional<LeftFolder> left;
     std::error_code ignored;
     for (const fs::path& path : temporaryFolders(target)) {
         int descriptor = -1;
         const Lock lock = lockFolder(path, descriptor);
         if (lock == Lock::anothers) {
+            if (left) ::close(left->lock);
             throwInput(
                 "{}: another run of Doppel is writing it; wait for it, or name another place",
                 target.string());
         }
         if (lock != Lock::mine) continue;
+        if (!left && isOfWork(path, kind, work)) {
+            left = {path, descriptor};
+            continue;
+        }
         if (readFileList(path))
             fs::remove_all(path, ignored);
         else
             fs::remove(path, ignored);  // unless there is something in it
         ::close(descriptor);
     }
+    return left;
 }
 
 }  // namespace
@@ -316,14 +341,18 @@ FolderLock::~FolderLock() {
 
 // ---- folders that are replaced ------------------------------------------------------------------
 
-OutputFolder::OutputFolder(const fs::path& target, std::string kind)
+OutputFolder::OutputFolder(const fs::path& target, std::string kind, std::string_view work)
     : target_(resolved(target)), kind_(std::move(kind)) {
     if (target.empty() || !target_.has_filename()) {
         throwInput("\"{}\": expected the name of a folder to write", target.string());
     }
     requireReplaceable(target_, kind_);
     createFolders(target_.parent_path());
-    removeLeftFolders(target_);
+    if (const auto left = removeLeftFolders(target_, kind_, work)) {
+        temporary_ = left->path, lock_ = left->lock;
+        pending_ = goesOn_ = true;
+        return;
+    }
     while (lock_ < 0) {
         std::string name = (target_.parent_path() / temporaryStart(target_)).string() + "XXXXXX";
         if (mkdtemp(name.data()) == nullptr) {
@@ -340,6 +369,11 @@ OutputFolder::OutputFolder(const fs::path& target, std::string kind)
     chmod(temporary_.c_str(), static_cast<mode_t>(0777 & ~mask));
     try {
         writeFileList(temporary_, {kind_, {}});
+        if (!work.empty()) {
+            AtomicFile file(temporary_ / kWorkName);
+            file.write(work);
+            file.commit();
+        }
     } catch (...) {
         discard();
         throw;
@@ -354,11 +388,17 @@ void OutputFolder::discard() noexcept {
     if (lock_ >= 0) ::close(std::exchange(lock_, -1));
 }
 
+void OutputFolder::leave() noexcept {
+    pending_ = false;
+    discard();
+}
+
 void OutputFolder::commit() {
     CHECK(pending_, "an output folder is committed once");
+    std::error_code error, ignored;
+    fs::remove(temporary_ / kWorkName, ignored);
     writeFileList(temporary_, {kind_, contentsOf(temporary_)});
     requireReplaceable(target_, kind_);
-    std::error_code error, ignored;
     // With what is there in one step, where the system can.
     if (fs::exists(target_, ignored) && ::renameat2(AT_FDCWD, temporary_.c_str(), AT_FDCWD,
                                                     target_.c_str(), RENAME_EXCHANGE) == 0) {

@@ -68,16 +68,25 @@ private:
 // in it but what Doppel wrote; anything else is an InputError that names a file in the way. So is
 // another run that is writing to the same place. MachineError where the system refuses (no
 // permission, no space).
+//
+// Long work goes on where it was: what a run of the same work has left there is taken on by the
+// next.
 class OutputFolder {
 public:
-    // kind: "capture", "render".
-    OutputFolder(const std::filesystem::path& target, std::string kind);
+    // kind: "capture", "render". work: all that the folder's content depends on, for what can go
+    // on; empty for what cannot.
+    OutputFolder(const std::filesystem::path& target, std::string kind, std::string_view work = {});
     ~OutputFolder();
     OutputFolder(const OutputFolder&) = delete;
     OutputFolder& operator=(const OutputFolder&) = delete;
 
     const std::filesystem::path& folder() const { return temporary_; }  // write here
     const std::filesystem::path& target() const { return target_; }
+    // Whether a run of the same work has left something there.
+    bool goesOn() const { return goesOn_; }
+    // Leaves the folder to the next run of the same work, uncommitted; it has to be one that can go
+    // on.
+    void leave() noexcept;
     void commit();
 
 private:
@@ -86,7 +95,7 @@ private:
     std::filesystem::path target_, temporary_;
     std::string kind_;
     int lock_ = -1;  // on the temporary folder: tells other runs that this one lives
-    bool pending_ = false;
+    bool pending_ = false, goesOn_ = false;
 };
 
 // Whether a run that lives, this one too, is writing such a folder and has not committed it yet.

@@ -27,10 +27,13 @@ constexpr int kSheetColumns = 8, kSheetLongest = 320;
 
 }  // namespace
 
-ImportResult importCapture(const ImportSettings& settings, const DrawBody& drawBody) {
-    CaptureWriter writer(settings.out);
+namespace {
+
+ImportResult importInto(CaptureWriter& writer, const ImportSettings& settings,
+                        const DrawBody& drawBody) {
     ImportRequest request = settings.request;
     request.workspace = writer.folder();
+    request.goesOn = !settings.work.empty();
     ImportSource source = readImportSource(request);
     Capture& capture = source.capture;
     ImportResult result;
@@ -111,7 +114,10 @@ ImportResult importCapture(const ImportSettings& settings, const DrawBody& drawB
             ++result.keyedMasks;
         }
         if (!picture.mask.empty()) {
-            writer.addMask(frame.name, picture.width, picture.height, picture.mask);
+            if (frame.mask && frame.mask->parent_path().parent_path() == writer.folder())
+                writer.copyMask(frame.name, *frame.mask);
+            else
+                writer.addMask(frame.name, picture.width, picture.height, picture.mask);
             result.iou.push_back(intersectionOverUnion(body.mask, picture.mask));
             result.meanIou += result.iou.back() / double(frames);
         }
@@ -156,8 +162,30 @@ ImportResult importCapture(const ImportSettings& settings, const DrawBody& drawB
                 : result.keyedMasks == frames ? "keyed"
                 : result.keyedMasks > 0       ? "given and keyed"
                                               : "none";
+    for (const char* left : {kAnswersFile, kSharesFolder}) fs::remove_all(writer.folder() / left);
     result.capture = writer.commit(capture);
     return result;
+}
+
+}  // namespace
+
+ImportResult importCapture(const ImportSettings& settings, const DrawBody& drawBody) {
+    if (settings.startsOver) CaptureWriter{settings.out};  // removes what was left
+    CaptureWriter writer(settings.out, settings.work);
+    if (writer.goesOn())
+        fmt::print(stderr, "{}: goes on with what a run that was stopped has found\n",
+                   settings.out.string());
+    try {
+        return importInto(writer, settings, drawBody);
+    } catch (const Interrupted&) {
+        // Only of clips is there something that takes longer than reading it again.
+        std::error_code ignored;
+        if (!fs::exists(writer.folder() / kAnswersFile, ignored)) throw;
+        writer.leave();
+        throw Interrupted{
+            fmt::format("what was found so far, {}, from which the same command goes on",
+                        writer.folder().string())};
+    }
 }
 
 }  // namespace doppel

@@ -17,6 +17,10 @@ struct ImportSettings {
     std::filesystem::path out;
     bool overlays = true;
     std::string commandLine;  // for provenance
+    // All that the capture depends on, for imports that go on where a run that was stopped was;
+    // empty: they start over.
+    std::string work;
+    bool startsOver = false;  // also where such a run has left something
 };
 
 struct ImportResult {
@@ -31,7 +35,8 @@ struct ImportResult {
 // Reads the source with the importer that recognises it, and writes the capture settings.out with
 // an overlay picture per frame (overlays/NAME.jpg) and a contact sheet (overlay.jpg); of a clip,
 // mask and skeleton over its frames too (overlay.mp4). InputError for anything that is wrong with
-// the source; nothing is left at settings.out then.
+// the source; nothing is left at settings.out then. Interrupted: a clip's frames that were looked
+// at are left in a hidden folder beside it, and taken from there by the next run of the same work.
 ImportResult importCapture(const ImportSettings& settings, const DrawBody& drawBody);
 
 }  // namespace doppel

@@ -35,7 +35,12 @@ struct ImportRequest {
     Device* device = nullptr;         // that networks run on
     const BodyModel* body = nullptr;  // that is posed
     std::filesystem::path workspace;  // where frames (images/) and masks (masks/) go
+    bool goesOn = false;              // what is found is kept there, for a run that goes on
 };
+
+// In the workspace while a clip is imported: what its networks have found (AnswerLog), and their
+// masks.
+inline constexpr const char *kAnswersFile = "answers", *kSharesFolder = "shares";
 
 // A capture whose files are still where they were, or in the request's workspace.
 struct ImportSource {

@@ -75,6 +75,24 @@ void writePeople(const fs::path& file, const Image& picture, const PersonTracker
     writeImage(file, numberedPicture(picture, boxes, tracker.followed()));
 }
 
+// Does what writes a file of this kind and name, unless a run that was stopped has done it.
+void writeOnce(AnswerLog* log, std::string_view kind, const fs::path& file,
+               const std::function<void()>& write) {
+    Digest question;
+    question.addText(kind);
+    question.addText(file.filename().string());
+    answer(
+        log, question,
+        [&](std::span<const std::byte>) {
+            std::error_code error;
+            return fs::exists(file, error);
+        },
+        [&] {
+            write();
+            return AnswerLog::Answer{};
+        });
+}
+
 // The network's masks, in their squares, wait on disk until the whole clip was seen.
 void keepShare(const fs::path& file, const PersonLandmarks& person) {
     Image share(kRoiMaskSide, kRoiMaskSide, 1);
@@ -96,7 +114,7 @@ constexpr size_t kSamples = 12;  // frames in which a screen is looked for
 
 // Masks of all frames: those that are there already, or by what the whole clip has shown.
 void cutAll(const Capture& capture, Found& found, const fs::path& shares, bool given,
-            ClipCutter& cutter, ClipQuality& quality) {
+            ClipCutter& cutter, ClipQuality& quality, AnswerLog* log) {
     const auto load = [&](size_t f) {
         takeShare(shares / (capture.frames[f].name + ".png"), *found.track[f]);
         ClipCutter::Sample sample{readImage(capture.frames[f].image), {}};
@@ -120,9 +138,32 @@ void cutAll(const Capture& capture, Found& found, const fs::path& shares, bool g
             cut.mask = readMask(*capture.frames[f].mask).data;
             cut.network = agreement(cut.mask, frame.share);
         } else {
-            cut = cutter.cut(frame.rgb, frame.share, found.track[f]->roi.side);
+            const fs::path& file = *capture.frames[f].mask;
+            Digest question;
+            question.addText("cut " + cutter.source());
+            question.addText(capture.frames[f].name);
+            question.add(std::span<const float>(frame.share));
+            answer(
+                log, question,
+                [&](std::span<const std::byte> kept) {
+                    std::error_code error;
+                    if (!takeFront(kept, cut.doubtful) || !takeFront(kept, cut.network) ||
+                        !fs::exists(file, error))
+                        return false;
+                    cut.mask = readMask(file).data;
+                    return true;
+                },
+                [&] {
+                    cut = cutter.cut(frame.rgb, frame.share, found.track[f]->roi.side);
+                    Image mask(frame.rgb.width, frame.rgb.height, 1);
+                    mask.data = cut.mask;
+                    writeImage(file, mask);
+                    AnswerLog::Answer bytes;
+                    append(bytes, cut.doubtful);
+                    append(bytes, cut.network);
+                    return bytes;
+                });
         }
-        Image mask(frame.rgb.width, frame.rgb.height, 1);
         FrameQuality& frameQuality = quality.frames[f];
         frameQuality.agreement = cut.network;
         frameQuality.doubtful = cut.doubtful;
@@ -131,8 +172,6 @@ void cutAll(const Capture& capture, Found& found, const fs::path& shares, bool g
             flicker.forget();
         const auto ofLast = flicker.next(cut.mask);
         if (f > 0) quality.frames[f - 1].flicker = ofLast;
-        mask.data = std::move(cut.mask);
-        if (!given) writeImage(*capture.frames[f].mask, mask);
         progress.update(int64_t(f) + 1);
     }
 }
@@ -244,7 +283,7 @@ Capture readClip(const ImportRequest& request) {
     Capture capture;
     createFolders(request.workspace / "images");
     createFolders(request.workspace / "masks");
-    const fs::path shares = request.workspace / "shares";
+    const fs::path shares = request.workspace / kSharesFolder;
     createFolders(shares);
     ClipCutter cutter(request.plate, std::move(matting));
     Clip clip(source, options);
@@ -254,6 +293,13 @@ Capture readClip(const ImportRequest& request) {
                                          : kGuessedAngle;
     PersonTracker tracker(pose, request.person);
     FaceFinder faces(*request.device);
+    std::optional<AnswerLog> log;
+    if (request.goesOn) {
+        log.emplace(request.workspace / kAnswersFile);
+        pose.remember(*log);
+        faces.remember(*log);
+    }
+    AnswerLog* const answers = log ? &*log : nullptr;
     const bool looksAtFaces = FaceFinder::isThere();
     Found found;
     ClipQuality quality;
@@ -296,16 +342,17 @@ Capture readClip(const ImportRequest& request) {
         if (masks) {
             Image mask(picture.width, picture.height, 1);
             mask.data = masks->next(picture.width, picture.height);
-            writeImage(*frame.mask, mask);
+            writeOnce(answers, "mask", *frame.mask, [&] { writeImage(*frame.mask, mask); });
         }
         quality.frames.push_back(qualityOf(frame.name, *person, picture.width, picture.height));
         if (!masks) cutter.learn(picture, personShare(*person, picture.width, picture.height));
-        keepShare(shares / (frame.name + ".png"), *person);
+        const fs::path share = shares / (frame.name + ".png");
+        writeOnce(answers, "share", share, [&] { keepShare(share, *person); });
         person->mask = {};
         std::optional<FaceMesh> face;
         if (looksAtFaces) face = faces(picture, *person);
         found.faces.push_back(face ? face->axes() : std::nullopt);
-        writeImage(frame.image, picture);
+        writeOnce(answers, "picture", frame.image, [&] { writeImage(frame.image, picture); });
         capture.frames.push_back(std::move(frame));
         found.track.push_back(std::move(person));
         found.times.push_back(frames[i].time);
@@ -324,10 +371,9 @@ Capture readClip(const ImportRequest& request) {
         looksAtFaces ? fmt::format("as the face looks in {} frames of {}, else by the ears",
                                    seenFaces, found.faces.size())
                      : "by the ears; scripts/setup --models fetches a network that sees faces";
-    cutAll(capture, found, shares, bool(masks), cutter, quality);
+    cutAll(capture, found, shares, bool(masks), cutter, quality, answers);
     leaveOutDoubtful(capture, found, frames, given, quality);
     quality.masks = masks ? fmt::format("given, {}", given.filename().string()) : cutter.source();
-    fs::remove_all(shares);
     const size_t swaps = mendSwaps(found.track, found.beginnings);
     smoothBothWays(found.track, found.times, found.beginnings);
 

@@ -7,6 +7,7 @@
 
 #include "engine/error.h"
 #include "engine/files/share.h"
+#include "trainer/data/digest.h"
 #include "trainer/person/picture_net.h"
 
 namespace doppel {
@@ -143,18 +144,33 @@ std::array<std::vector<float>, 5> BlazePose::runLandmarks(const std::vector<floa
 }
 
 std::vector<Detection> BlazePose::detect(const Image& rgb) {
-    const auto raw =
-        runDetector(crop(rgb, roiOfPicture(rgb.width, rgb.height), kDetectorSide, Outside::Black));
-    return detections(raw[0], raw[1], rgb.width, rgb.height);
+    const std::vector<float> square =
+        crop(rgb, roiOfPicture(rgb.width, rgb.height), kDetectorSide, Outside::Black);
+    std::vector<Detection> people;
+    const auto ask = [&] {
+        const auto raw = runDetector(square);
+        people = detections(raw[0], raw[1], rgb.width, rgb.height);
+        AnswerLog::Answer bytes;
+        append(bytes, std::span<const Detection>(people));
+        return bytes;
+    };
+    Digest question;
+    question.addText("detector");
+    question.add(std::span<const float>(square));
+    question.addValue(std::array{rgb.width, rgb.height});
+    answer(
+        log_, question,
+        [&](std::span<const std::byte> kept) {
+            people.resize(kept.size() / sizeof(Detection));
+            return takeFront(kept, std::span<Detection>(people)) && kept.empty();
+        },
+        ask);
+    return people;
 }
 
-PersonLandmarks BlazePose::landmarks(const Image& rgb, const Roi& roi) {
-    return landmarksOf(runLandmarks(crop(rgb, roi, kLandmarkSide, Outside::Edge)), roi);
-}
-
-PersonLandmarks BlazePose::landmarksBothWays(const Image& rgb, const Roi& roi) {
-    std::vector<float> square = crop(rgb, roi, kLandmarkSide, Outside::Edge);
+PersonLandmarks BlazePose::ask(std::vector<float> square, const Roi& roi, bool bothWays) {
     PersonLandmarks person = landmarksOf(runLandmarks(square), roi);
+    if (!bothWays) return person;
     reverseRows(square);
     const PersonLandmarks other = mirrored(landmarksOf(runLandmarks(square), roi));
     const auto mean = [](auto& a, const auto& b) { a = (a + b) / 2; };
@@ -170,6 +186,42 @@ PersonLandmarks BlazePose::landmarksBothWays(const Image& rgb, const Roi& roi) {
     }
     for (size_t i = 0; i < person.mask.size(); ++i) mean(person.mask[i], other.mask[i]);
     return person;
+}
+
+PersonLandmarks BlazePose::askOnce(const Image& rgb, const Roi& roi, bool bothWays) {
+    std::vector<float> square = crop(rgb, roi, kLandmarkSide, Outside::Edge);
+    Digest question;
+    question.addText(poseNetName(net_));
+    question.addText(bothWays ? ", both ways" : "");
+    question.add(std::span<const float>(square));
+    question.addValue(std::array{roi.centre[0], roi.centre[1], roi.side, roi.rotation});
+    PersonLandmarks person;
+    answer(
+        log_, question,
+        [&](std::span<const std::byte> kept) {
+            person.roi = roi;
+            person.mask.resize(size_t(kRoiMaskSide) * kRoiMaskSide);
+            return takeFront(kept, person.presence) &&
+                   takeFront(kept, std::span<Landmark>(person.points)) &&
+                   takeFront(kept, std::span<float>(person.mask)) && kept.empty();
+        },
+        [&] {
+            person = ask(std::move(square), roi, bothWays);
+            AnswerLog::Answer bytes;
+            append(bytes, person.presence);
+            append(bytes, std::span<const Landmark>(person.points));
+            append(bytes, std::span<const float>(person.mask));
+            return bytes;
+        });
+    return person;
+}
+
+PersonLandmarks BlazePose::landmarks(const Image& rgb, const Roi& roi) {
+    return askOnce(rgb, roi, false);
+}
+
+PersonLandmarks BlazePose::landmarksBothWays(const Image& rgb, const Roi& roi) {
+    return askOnce(rgb, roi, true);
 }
 
 // ---- what the numbers mean ----------------------------------------------------------------------

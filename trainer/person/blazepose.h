@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "engine/device.h"
+#include "trainer/person/answer_log.h"
 #include "trainer/person/roi.h"
 
 namespace doppel {
@@ -103,6 +104,10 @@ public:
     // InputError that says how to fetch the networks where they are missing.
     void requireModels() const;
 
+    // What the networks find is kept there from now on, and taken from there where the same square
+    // of a picture was looked at before. It has to outlive this.
+    void remember(AnswerLog& log) { log_ = &log; }
+
     // People in the picture, the surest first; overlapping ones are merged.
     std::vector<Detection> detect(const Image& rgb);
     PersonLandmarks landmarks(const Image& rgb, const Roi& roi);
@@ -122,11 +127,15 @@ private:
     struct Net;
     Net& detector();
     Net& landmarker();
+    // Of a square [3,256,256] of the picture.
+    PersonLandmarks ask(std::vector<float> square, const Roi& roi, bool bothWays);
+    PersonLandmarks askOnce(const Image& rgb, const Roi& roi, bool bothWays);
 
     Device& device_;
     PoseNet net_;
     std::filesystem::path folder_;
     std::unique_ptr<Net> detector_, landmarker_;
+    AnswerLog* log_ = nullptr;
 };
 
 // ---- for tests ----------------------------------------------------------------------------------

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "engine/error.h"
+#include "trainer/data/digest.h"
 #include "trainer/person/picture_net.h"
 
 namespace doppel {
@@ -91,13 +92,34 @@ bool FaceFinder::isThere(const fs::path& folder) {
 }
 
 FaceMesh FaceFinder::look(const Image& rgb, const Roi& roi) {
-    if (!net_) {
-        requireNetwork(networkFile(folder_));
-        net_ = std::make_unique<PictureNet>(device_, networkFile(folder_), kSide,
-                                            std::vector<int64_t>{3 * FaceMesh::kPoints, 1});
-    }
-    const auto raw = net_->run(crop(rgb, roi, kSide, Outside::Black));
-    return faceOf(raw[0], raw[1][0], roi);
+    const std::vector<float> square = crop(rgb, roi, kSide, Outside::Black);
+    FaceMesh face;
+    const auto ask = [&] {
+        if (!net_) {
+            requireNetwork(networkFile(folder_));
+            net_ = std::make_unique<PictureNet>(device_, networkFile(folder_), kSide,
+                                                std::vector<int64_t>{3 * FaceMesh::kPoints, 1});
+        }
+        const auto raw = net_->run(square);
+        face = faceOf(raw[0], raw[1][0], roi);
+        AnswerLog::Answer bytes;
+        append(bytes, face.presence);
+        append(bytes, std::span<const Point3>(face.points));
+        return bytes;
+    };
+    Digest question;
+    question.addText("face");
+    question.add(std::span<const float>(square));
+    question.addValue(std::array{roi.centre[0], roi.centre[1], roi.side, roi.rotation});
+    answer(
+        log_, question,
+        [&](std::span<const std::byte> kept) {
+            face.roi = roi;
+            return takeFront(kept, face.presence) &&
+                   takeFront(kept, std::span<Point3>(face.points)) && kept.empty();
+        },
+        ask);
+    return face;
 }
 
 std::optional<FaceMesh> FaceFinder::operator()(const Image& rgb, const PersonLandmarks& person) {

@@ -36,6 +36,9 @@ public:
     // Whether the network is in the folder.
     static bool isThere(const std::filesystem::path& folder = poseModelFolder());
 
+    // See BlazePose.
+    void remember(AnswerLog& log) { log_ = &log; }
+
     // The face of this person; nothing where it is turned away, hidden or too small to tell.
     std::optional<FaceMesh> operator()(const Image& rgb, const PersonLandmarks& person);
 
@@ -45,6 +48,7 @@ private:
     Device& device_;
     std::filesystem::path folder_;
     std::unique_ptr<class PictureNet> net_;
+    AnswerLog* log_ = nullptr;
 };
 
 // ---- for tests ----------------------------------------------------------------------------------

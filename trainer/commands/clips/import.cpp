@@ -14,6 +14,7 @@
 #include "trainer/data/body_render.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"
+#include "trainer/data/version.h"
 #include "trainer/import/import.h"
 
 namespace doppel {
@@ -24,6 +25,31 @@ std::vector<std::filesystem::path> inputsOf(const ImportOptions& options) {
             request.matting, request.masks, bodyFile(options.body)};
 }
 
+std::string workOf(const ImportOptions& options) {
+    const ImportRequest& r = options.settings.request;
+    const ClipOptions& clip = r.clip;
+    std::error_code ignored;
+    // Files by their places from the root, for the command may be given again in another folder.
+    const auto place = [](const std::filesystem::path& path) {
+        return path.empty() ? std::string()
+                            : std::filesystem::absolute(path).lexically_normal().string();
+    };
+    return fmt::format(
+        "source = {}\nbytes = {}\nkey = {}\nfps = {}\nframes = {}\nfrom = {}\nto = {}\nevery = {}\n"
+        "rows = {}\nkeep_similar = {}\npose = {}\nperson = {}\nfov = {}\nheight = {}\nbody = {}\n"
+        "plate = {}\nmatting = {}\nmatting_kind = {}\nposes = {}\n{}",
+        place(r.source),
+        std::filesystem::is_regular_file(r.source, ignored)
+            ? std::filesystem::file_size(r.source, ignored)
+            : 0,
+        r.key, r.fps, r.frames, clip.from, clip.to, clip.every, clip.rows, clip.keepSimilar,
+        options.net, r.person, r.fov, r.height, options.body, place(r.plate), place(r.matting),
+        r.mattingKind, place(r.poses),
+        // Later ones, which requests that were kept before do not have.
+        (r.masks.empty() ? "" : fmt::format("masks = {}\n", place(r.masks))) +
+            (r.givenHeads ? "given_heads = true\n" : ""));
+}
+
 ImportResult bringIn(const ImportOptions& options) {
     requireApart(options.settings.out, inputsOf(options));
     const BodyModel body = bodyFromNpz(readBodyArrays(options.body));
@@ -32,6 +58,7 @@ ImportResult bringIn(const ImportOptions& options) {
     MeshDrawer drawer(device, body);
     ImportSettings settings = options.settings;
     settings.commandLine = options.common.commandLine;
+    settings.work = fmt::format("doppel {}\n{}", kVersion, workOf(options));
     settings.request.device = &device;
     settings.request.body = &body;
     settings.request.net = poseNetByName(options.net, "--pose");
@@ -208,9 +235,9 @@ const Command<ImportOptions> kImport{{
         "is, is detected: a video or its frames, in which the person is found with networks that\n"
         "`scripts/setup --models` fetches; the Human Retargeting dataset's layout (images/,\n"
         "smpl_pose/*_body.pkl, segmentations/ if there are any); a capture of Doppel's own. Draws\n"
-        "the pose over each frame (overlay.jpg, overlays/). --poses takes another program's poses "
-        "of\n"
-        "the same pictures in the place of those that Doppel starts from.",
+        "the pose over each frame (overlay.jpg, overlays/). --poses takes another program's poses\n"
+        "of the same pictures in the place of those that Doppel starts from. Stopped or killed in\n"
+        "the middle of a clip, it goes on where it was when the same command is given again.",
     .example = "doppel import clip.mp4 --out me --every 3",
     .flags = declareFlags,
     .run = runImport,

@@ -25,7 +25,10 @@ void declareImportFlags(CommandFlags& flags, ImportOptions& options);
 // The files and folders that are read, for requireApart(); those that are not given are empty.
 std::vector<std::filesystem::path> inputsOf(const ImportOptions& options);
 
-// Writes the capture.
+// All that the capture depends on.
+std::string workOf(const ImportOptions& options);
+
+// Writes the capture; goes on where a run of the same work was stopped.
 ImportResult bringIn(const ImportOptions& options);
 // What is worth knowing about it, on stdout.
 void printImport(const ImportOptions& options, const ImportResult& result);
