@@ -22,11 +22,7 @@
 
 namespace doppel {
 
-namespace {
-
-constexpr int kSamples = 2;  // per pixel and axis
-
-}  // namespace
+namespace {}  // namespace
 
 Retargeted performed(const Avatar& avatar, const std::filesystem::path& folder, Motion motion,
                      const RetargetSettings& settings, double smooth) {
@@ -162,7 +158,7 @@ double renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>
     Progress progress(what, static_cast<int64_t>(shots.size()));
     auto submit = [&](size_t i) {
         if (i < shots.size())
-            renderer.submit(shots[i].theta, shots[i].trans, shots[i].camera, kSamples);
+            renderer.submit(shots[i].theta, shots[i].trans, shots[i].camera, layers.samples);
     };
     std::future<void> keeping;  // a picture is encoded while the device draws the next one
     submit(0);

@@ -227,7 +227,9 @@ void runRender(const RenderOptions& options) {
     for (size_t frame : chosen) times.push_back(double(frame) * step);
 
     Behind behind(options, shots, chosen, times);
-    Layers layers{.background = behind.picture, .matchColours = options.matchColours};
+    Layers layers{.background = behind.picture,
+                  .matchColours = options.matchColours,
+                  .samples = options.samples};
     if (options.shadow) layers.grounds = groundsFor(device, avatar, shots, whole, chosen, options);
     std::optional<Footage> occluder;
     if (!options.occluder.empty()) {
@@ -298,6 +300,13 @@ void declareFlags(CommandFlags& flags, RenderOptions& o) {
     flags->add_option("--size", o.size, "Pixels of the picture's longer side; 0: the camera's")
         ->capture_default_str()
         ->check(CLI::Range(0, 8192));
+    flags
+        ->add_option(
+            "--samples", o.samples,
+            "Samples per pixel, across and down: more for somebody far away, whose stripes "
+            "would shimmer")
+        ->capture_default_str()
+        ->check(CLI::Range(1, 8));
     flags->add_option("--fps", o.fps, "Frames per second of the film; 0: the motion's")
         ->capture_default_str()
         ->check(CLI::Range(0., 1000.));

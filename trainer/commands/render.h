@@ -24,8 +24,9 @@ struct RenderOptions {
     std::string light = "capture";  // or "none"
     double smooth = 0;              // frames; see smoothed()
     RetargetSettings retarget;
-    int size = 0;    // pixels of the larger side; 0: the camera's
-    double fps = 0;  // 0: the motion's
+    int size = 0;     // pixels of the larger side; 0: the camera's
+    int samples = 2;  // per pixel and axis
+    double fps = 0;   // 0: the motion's
 };
 
 void runRender(const RenderOptions& options);

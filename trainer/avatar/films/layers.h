@@ -21,6 +21,7 @@ struct Layers {
     // Where each shot's shadow falls (groundsOf); empty: there is none.
     std::vector<Ground> grounds = {};
     bool matchColours = false;  // to the background (colour_match.h)
+    int samples = 2;            // of the drawing, per pixel and axis
 };
 
 // Darkens what is behind the avatar by shadow [H,W], of which 1 is black, by covering it.
