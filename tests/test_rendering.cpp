@@ -411,6 +411,32 @@ TEST(RenderShots, DrawsOverTheBackgroundIntoAFolder) {
         "replaced; found will.txt");
 }
 
+// Stripes narrower than pixels, which a camera passes by a ninth of a pixel each.
+TEST(RenderShots, MoreSamplesShimmerLess) {
+    Scene scene;
+    scene.avatar.textureSize = 128;
+    scene.avatar.texture.resize(3 * 128 * 128);
+    for (size_t i = 0; i < scene.avatar.texture.size(); ++i)
+        scene.avatar.texture[i] = i / 6 % 2 == 0 ? .1f : .9f;
+    const Shot still = throughOwnCameras(scene.motion)[0];
+    std::vector<Shot> shots;
+    for (int i = 0; i < 9; ++i) {
+        shots.push_back(still);
+        shots.back().camera.cx += i / 9.;
+    }
+    const auto shimmer = [&](int samples) {
+        Layers layers{
+            .background = [&](size_t i) { return plainBackground("#808080", shots[i].camera); },
+            .samples = samples};
+        return renderShots(testDevice(), scene.avatar, shots, layers, scene.folder / "shimmer", 10,
+                           "test");
+    };
+    const double one = shimmer(1), two = shimmer(2), four = shimmer(4);
+    EXPECT_LT(two, .8 * one);
+    EXPECT_LT(four, .8 * two);
+    EXPECT_EQ(RenderOptions().samples, Layers().samples);
+}
+
 TEST(RenderShots, MakesAFilmOfTheSamePictures) {
     Scene scene;
     scene.motion = standing(5);

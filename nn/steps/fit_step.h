@@ -26,6 +26,7 @@ namespace doppel {
     NUMBER(double, lrBeta, 6e-2, 0, 10, "standard deviations per step")                        \
     NUMBER(double, constantPart, .5, 0, 1, "part of the steps at full rate; then linear to 0") \
     NUMBER(double, priorTheta, .002, 0, kNoLimit, "weight of staying near the given poses")    \
+    NUMBER(double, priorFew, 0, 0, kNoLimit, "of four frames or fewer this, if it is more")    \
     NUMBER(double, smoothTheta, .02, 0, kNoLimit, "weight of slow corrections, in videos")     \
     NUMBER(double, priorBeta, 1e-5, 0, kNoLimit, "weight of a likely shape")                   \
     NUMBER(double, keypoints, .1, 0, kNoLimit, "weight w_k of the keypoints' loss")

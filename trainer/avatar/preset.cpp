@@ -116,6 +116,8 @@ Preset presetByName(std::string_view name) {
     preset.mesh.colour = 4;
     preset.mesh.stay = 10;
     preset.mesh.smooth = 3000;
+    preset.fit.priorFew = .2;
+    preset.texels.others = 60;
     preset.shape.hands = preset.texels.hands = 1e4;
     preset.mesh.hands = 1000;
     preset.texels.cleanHands = true;

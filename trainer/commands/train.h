@@ -12,9 +12,6 @@
 
 namespace doppel {
 
-// As people take of somebody by hand.
-inline constexpr size_t kFewPictures = 4;
-
 struct TrainOptions {
     CommonOptions common;
     std::filesystem::path capture, out;

@@ -242,6 +242,10 @@ void trainFit(Device& device, TrainResult& result, const TrainSettings& settings
     FitSettings fit{.preset = result.avatar.preset.fit,
                     .loop = settings,
                     .memoryBudget = settings.memoryBudget};
+    // What a body of another shape leaves open in a few outlines, bends of its spine would answer,
+    // and arms hang elsewhere: many frames tell shape and pose apart, few do not.
+    if (result.capture.size() <= kFewPictures)
+        fit.preset.priorTheta = std::max(fit.preset.priorTheta, fit.preset.priorFew);
     if (!settings.hasFolder()) fit.loop.out.clear();
     result.fit = fitCapture(device, result.avatar.body, result.capture, fit);
     result.avatar.betas = result.capture.betas;

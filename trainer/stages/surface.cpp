@@ -266,6 +266,50 @@ int fitPosesToPictures(Device& device, const Avatar& avatar, Capture& capture, u
     }
 }
 
+namespace {
+
+// Outlines do not show where an arm is that hangs before the body, and colours that a frame has
+// painted itself believe whatever pose it has: the arm is painted on the flank as well. So each
+// half of a few frames is fitted to the texture that the other half gives, over small crops, for
+// poses are off by many pixels. Many frames do that by themselves, and two show sides of their own.
+void fitPosesToOthers(Device& device, const Avatar& avatar, Capture& capture,
+                      const TrainSettings& settings) {
+    constexpr int kTexels = 256;
+    const SurfacePreset& preset = avatar.preset.texels;
+    if (preset.others == 0 || capture.size() < 3 || capture.size() > kFewPictures) return;
+    const Capture before = capture;
+    for (const size_t half : {0u, 1u}) {
+        std::vector<size_t> own, others;
+        for (size_t f = 0; f < before.size(); ++f) (f % 2 == half ? own : others).push_back(f);
+        Capture mine = before.subset(own), theirs = before.subset(others);
+        FrameCache cache(theirs);
+        SurfaceRun run{.stage = "poses",
+                       .preset = preset,
+                       .texels = backProject(device, avatar.body, theirs, cache, kTexels,
+                                             preset.rim, nullptr, settings.known)
+                                     .texture,
+                       .textureSize = kTexels,
+                       .loop = {.seed = settings.seed},
+                       .memoryBudget = settings.memoryBudget};
+        run.preset.size = halved(preset).size;
+        run.preset.coarse = 0;
+        run.preset.steps = stepsForVisits(preset.others, mine, run.preset);
+        run.preset.decay = .1;
+        run.preset.lrTheta = .006;
+        run.preset.lrTrans = .002;
+        run.preset.priorTheta = .01;
+        run.preset.priorTrans = .1;
+        run.preset.lrLight = run.preset.lrGain = 0;
+        runSurface(device, avatar.body, mine, run);
+        for (size_t k = 0; k < own.size(); ++k) {
+            capture.theta[own[k]] = mine.theta[k];
+            capture.trans[own[k]] = mine.trans[k];
+        }
+    }
+}
+
+}  // namespace
+
 void planShape(Device& device, const Avatar& avatar, const Capture& capture,
                const TrainSettings& settings) {
     const SurfacePreset preset = fitting(avatar.preset.shape, capture);
@@ -342,6 +386,7 @@ void trainTexels(Device& device, TrainResult& result, const TrainSettings& setti
     Avatar& avatar = result.avatar;
     const int size = avatar.preset.texture.textureSize;
     result.capture.betas = avatar.betas;
+    fitPosesToOthers(device, avatar, result.capture, settings);
     FrameCache cache(result.capture);
     FirstTexels first = backProject(device, avatar.body, result.capture, cache, size,
                                     avatar.preset.texels.rim, settings.ranks, settings.known);

@@ -13,6 +13,9 @@
 
 namespace doppel {
 
+// As people take of somebody by hand: what such pictures do not tell has to be told otherwise.
+inline constexpr size_t kFewPictures = 4;
+
 // One of them, on the vertices of the body model [V].
 struct KnownPerson {
     std::vector<Garment> garments;
