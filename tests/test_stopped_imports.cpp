@@ -235,5 +235,34 @@ TEST(StoppedImports, GoOnAndEndWithTheSameBytes) {
     EXPECT_TRUE(hidden(folder / "other").empty());
 }
 
+// A picture that was changed meanwhile is looked at as it is now.
+TEST(StoppedImports, WhatChangedIsLookedAtAgain) {
+    if (!poseModelsAreThere(PoseNet::Lite, test::sourceFolder() / "build/models"))
+        GTEST_SKIP() << "scripts/setup --models fetches the networks";
+    Folder folder;
+    Image picture = readImage(test::sourceFolder() / "tests/data/blazepose/scene_512.png");
+    const fs::path pictures = folder / "pictures", out = folder / "out";
+    fs::create_directory(pictures);
+    for (const char* name : {"a.png", "b.png", "c.png"}) writeImage(pictures / name, picture);
+    const std::vector<std::string> command{
+        "import", pictures.string(), "--out", out.string(), "--pose", "lite", "--keep-similar"};
+    doppel(command, nullptr, [&](pid_t child) {
+        for (int i = 0; i < 6000; ++i) {
+            const fs::path at = hidden(out);
+            if (!at.empty() && filesIn(at / "overlays") >= 1) break;
+            std::this_thread::sleep_for(std::chrono::milliseconds(10));
+        }
+        kill(child, SIGKILL);
+    });
+    ASSERT_FALSE(hidden(out).empty());
+    for (int y = 0; y < 40; ++y) std::fill_n(picture.pixel(0, y), 120, uint8_t{200});
+    writeImage(pictures / "b.png", picture);
+    const Outcome last = doppel(command);
+    ASSERT_EQ(last.status, 0) << last.err;
+    EXPECT_NE(last.err.find("goes on with"), std::string::npos);
+    EXPECT_EQ(readImage(out / "images/000001.png").data, picture.data);
+    EXPECT_NE(readImage(out / "images/000002.png").data, picture.data);
+}
+
 }  // namespace
 }  // namespace doppel

@@ -75,12 +75,13 @@ void writePeople(const fs::path& file, const Image& picture, const PersonTracker
     writeImage(file, numberedPicture(picture, boxes, tracker.followed()));
 }
 
-// Does what writes a file of this kind and name, unless a run that was stopped has done it.
-void writeOnce(AnswerLog* log, std::string_view kind, const fs::path& file,
+// Does what writes a file of this content, unless a run that was stopped has done it.
+template <typename T>
+void writeOnce(AnswerLog* log, const fs::path& file, const std::vector<T>& content,
                const std::function<void()>& write) {
     Digest question;
-    question.addText(kind);
-    question.addText(file.filename().string());
+    question.addText((file.parent_path().filename() / file.filename()).string());
+    question.add(std::span<const T>(content));
     answer(
         log, question,
         [&](std::span<const std::byte>) {
@@ -143,6 +144,7 @@ void cutAll(const Capture& capture, Found& found, const fs::path& shares, bool g
             question.addText("cut " + cutter.source());
             question.addText(capture.frames[f].name);
             question.add(std::span<const float>(frame.share));
+            question.add(std::span<const uint8_t>(frame.rgb.data));
             answer(
                 log, question,
                 [&](std::span<const std::byte> kept) {
@@ -342,17 +344,17 @@ Capture readClip(const ImportRequest& request) {
         if (masks) {
             Image mask(picture.width, picture.height, 1);
             mask.data = masks->next(picture.width, picture.height);
-            writeOnce(answers, "mask", *frame.mask, [&] { writeImage(*frame.mask, mask); });
+            writeOnce(answers, *frame.mask, mask.data, [&] { writeImage(*frame.mask, mask); });
         }
         quality.frames.push_back(qualityOf(frame.name, *person, picture.width, picture.height));
         if (!masks) cutter.learn(picture, personShare(*person, picture.width, picture.height));
         const fs::path share = shares / (frame.name + ".png");
-        writeOnce(answers, "share", share, [&] { keepShare(share, *person); });
+        writeOnce(answers, share, person->mask, [&] { keepShare(share, *person); });
         person->mask = {};
         std::optional<FaceMesh> face;
         if (looksAtFaces) face = faces(picture, *person);
         found.faces.push_back(face ? face->axes() : std::nullopt);
-        writeOnce(answers, "picture", frame.image, [&] { writeImage(frame.image, picture); });
+        writeOnce(answers, frame.image, picture.data, [&] { writeImage(frame.image, picture); });
         capture.frames.push_back(std::move(frame));
         found.track.push_back(std::move(person));
         found.times.push_back(frames[i].time);
