@@ -261,6 +261,12 @@ TEST(StoppedImports, WhatChangedIsLookedAtAgain) {
     ASSERT_EQ(last.status, 0) << last.err;
     EXPECT_NE(last.err.find("goes on with"), std::string::npos);
     EXPECT_EQ(readImage(out / "images/000001.png").data, picture.data);
+    // Masks are cut by the colours of all pictures, so all of them are cut again.
+    std::vector<std::string> fresh = command;
+    fresh[3] = (folder / "fresh").string();
+    ASSERT_EQ(doppel(fresh).status, 0);
+    for (const char* name : {"masks/000000.png", "masks/000001.png", "masks/000002.png"})
+        EXPECT_EQ(bytesOf(out / name) == bytesOf(folder / "fresh" / name), true) << name;
     EXPECT_NE(readImage(out / "images/000002.png").data, picture.data);
 }
 

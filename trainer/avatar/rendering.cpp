@@ -22,8 +22,6 @@
 
 namespace doppel {
 
-namespace {}  // namespace
-
 Retargeted performed(const Avatar& avatar, const std::filesystem::path& folder, Motion motion,
                      const RetargetSettings& settings, double smooth) {
     const std::vector<TrainedFrame> known = trainedFrames(folder, motion);

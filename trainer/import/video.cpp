@@ -29,6 +29,7 @@ struct Found {
     std::vector<std::optional<glm::dmat3>> faces;  // FaceMesh::axes()
     std::vector<double> times;
     std::vector<int32_t> numbers;    // in the clip
+    Digest pictures;                 // and the network's masks of them
     std::vector<size_t> beginnings;  // after cuts
     int detections = 0;
 };
@@ -141,10 +142,10 @@ void cutAll(const Capture& capture, Found& found, const fs::path& shares, bool g
         } else {
             const fs::path& file = *capture.frames[f].mask;
             Digest question;
+            // A mask depends on what the cutter has learned from all of them.
             question.addText("cut " + cutter.source());
             question.addText(capture.frames[f].name);
-            question.add(std::span<const float>(frame.share));
-            question.add(std::span<const uint8_t>(frame.rgb.data));
+            question.addValue(found.pictures.value());
             answer(
                 log, question,
                 [&](std::span<const std::byte> kept) {
@@ -348,6 +349,8 @@ Capture readClip(const ImportRequest& request) {
         }
         quality.frames.push_back(qualityOf(frame.name, *person, picture.width, picture.height));
         if (!masks) cutter.learn(picture, personShare(*person, picture.width, picture.height));
+        found.pictures.add(std::span<const uint8_t>(picture.data));
+        found.pictures.add(std::span<const float>(person->mask));
         const fs::path share = shares / (frame.name + ".png");
         writeOnce(answers, share, person->mask, [&] { keepShare(share, *person); });
         person->mask = {};

@@ -1,7 +1,6 @@
 #include "trainer/person/answer_log.h"
 
 #include <array>
-#include <optional>
 
 #include "engine/error.h"
 

@@ -59,6 +59,15 @@ ImportResult bringIn(const ImportOptions& options) {
     ImportSettings settings = options.settings;
     settings.commandLine = options.common.commandLine;
     settings.work = fmt::format("doppel {}\n{}", kVersion, workOf(options));
+    // Files may have changed since; of folders each picture is looked at.
+    for (const std::filesystem::path& input : inputsOf(options)) {
+        std::error_code ignored;
+        if (std::filesystem::is_regular_file(input, ignored))
+            settings.work += fmt::format(
+                "{} of {} bytes, written at {}\n", input.filename().string(),
+                std::filesystem::file_size(input, ignored),
+                std::filesystem::last_write_time(input, ignored).time_since_epoch().count());
+    }
     settings.request.device = &device;
     settings.request.body = &body;
     settings.request.net = poseNetByName(options.net, "--pose");
