@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "nn/ops/elementwise.h"
+#include "nn/ops/fit.h"
 #include "nn/steps/losses.h"
 #include "tests/op_test.h"
 
@@ -51,6 +52,7 @@ TEST(Fit, PosePrior) {
             {.inputs = {{"correction", random({75}, 1)},
                         {"before", random({75}, 2)},
                         {"after", random({75}, 3)},
+                        {"start_bend", random({75}, 5)},
                         {"joint_weight", uniform({24}, 0.5, 2)},
                         {"beta", random({10}, 4)}},
              .attributes = {{"pose", 0.3}, {"trans", 0.7}, {"smooth", 0.2}, {"shape", 0.05}},
@@ -61,12 +63,82 @@ TEST(Fit, PosePrior) {
                      double c = at("correction", i);
                      double stay =
                          i < 72 ? at("pose", 0) * at("joint_weight", i / 3) : at("trans", 0);
-                     double bend = c - (at("before", i) + at("after", i)) / 2;
+                     double bend = c - (at("before", i) + at("after", i)) / 2 + at("start_bend", i);
                      sum += stay * c * c + at("smooth", 0) * bend * bend;
                  }
                  for (size_t i = 0; i < 10; ++i)
                      sum += at("shape", 0) * at("beta", i) * at("beta", i);
                  return {{"loss", {{}, {sum}}}};
+             }});
+}
+
+// Five poses, of which the middle one turns as no body turns from one picture to the next.
+TEST(Fit, BendsOfAStart) {
+    std::vector<float> poses(5 * 75);
+    for (size_t f = 0; f < 5; ++f) {
+        poses[75 * f + 1] = f == 2 ? 2.f : 0.f;
+        poses[75 * f + 30] = float(f * f) * .01f;
+        poses[75 * f + 74] = float(f * f) * .01f;
+    }
+    const std::vector<float> bends = startBends(poses, .4f);
+    for (size_t f = 0; f < 5; ++f) {
+        EXPECT_EQ(bends[75 * f + 30], 0) << f;  // at ends, and beside and in the jump
+        EXPECT_EQ(bends[75 * f + 74], 0) << f;
+    }
+    for (size_t f = 0; f < 5; ++f) poses[75 * f + 1] = 0;
+    const std::vector<float> even = startBends(poses, .4f);
+    for (size_t f = 0; f < 5; ++f) {
+        const bool within = f > 0 && f < 4;
+        EXPECT_NEAR(even[75 * f + 30], within ? -.01 : 0, 1e-6) << f;
+        EXPECT_NEAR(even[75 * f + 74], within ? -.025 : 0, 1e-6) << f;
+    }
+    EXPECT_TRUE(startBends({}, .4f).empty());
+    EXPECT_EQ(startBends(std::vector<float>(75, 1), .4f), std::vector<float>(75));
+}
+
+TEST(Fit, PoseLikelihood) {
+    Value angles = random({72, 4}, 2);
+    for (size_t i = 0; i < 72; ++i) {
+        angles.data[4 * i + 1] = 1 + std::abs(angles.data[4 * i + 1]);
+        // Some inside, some beyond either limit; none at a limit's own place.
+        angles.data[4 * i + 2] = -.5;
+        angles.data[4 * i + 3] = .4;
+    }
+    checkOp("pose_likelihood",
+            {.inputs = {{"theta", random({72}, 1)}, {"angles", angles}},
+             .attributes = {{"likely", .3}, {"limits", .7}},
+             .reference = [](const Values& v) -> Values {
+                 const auto& theta = v.at("theta").data;
+                 const auto& a = v.at("angles").data;
+                 double sum = 0;
+                 for (size_t joint = 0; joint < 24; ++joint) {
+                     double squares = 0;
+                     for (size_t i = 3 * joint; i < 3 * joint + 3; ++i) {
+                         squares += std::pow((theta[i] - a[4 * i]) * a[4 * i + 1], 2);
+                         sum += .7 * std::pow(std::max({theta[i] - a[4 * i + 3],
+                                                        a[4 * i + 2] - theta[i], 0.}),
+                                              2);
+                     }
+                     sum += .3 * std::log(1 + squares);
+                 }
+                 return {{"loss", {{}, {sum}}}};
+             }});
+}
+
+TEST(Fit, BalanceLoss) {
+    checkOp("balance_loss",
+            {.inputs = {{"joints", random({24, 3}, 1)},
+                        {"shares", random({24}, 2)},
+                        {"up", random({2}, 3)}},
+             .attributes = {{"deviation", .6}, {"level", .3}},
+             .reference = [](const Values& v) -> Values {
+                 std::array<double, 3> q{};
+                 for (size_t i = 0; i < 72; ++i)
+                     q[i % 3] += v.at("shares").data[i / 3] * v.at("joints").data[i];
+                 const double a = v.at("up").data[0], b = v.at("up").data[1];
+                 const double along = (a * q[0] - q[1] + b * q[2]) / std::sqrt(a * a + 1 + b * b);
+                 const double aside = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] - along * along;
+                 return {{"loss", {{}, {std::log(1 + aside / .36) + .3 * (a * a + b * b)}}}};
              }});
 }
 

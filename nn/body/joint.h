@@ -37,6 +37,19 @@ enum Number : size_t {
 };
 }  // namespace joint
 
+// The joint on the other side; of those in the middle, the joint itself.
+constexpr size_t oppositeJoint(size_t joint) {
+    constexpr size_t kLefts[] = {joint::kLeftHip,   joint::kLeftKnee,   joint::kLeftAnkle,
+                                 joint::kLeftFoot,  joint::kLeftCollar, joint::kLeftShoulder,
+                                 joint::kLeftElbow, joint::kLeftWrist,  joint::kLeftHand};
+    for (const size_t left : kLefts) {
+        // SMPL numbers each left joint just before its right one.
+        if (joint == left) return left + 1;
+        if (joint == left + 1) return left;
+    }
+    return joint;
+}
+
 constexpr int64_t kJointCount = joint::kCount;
 constexpr int64_t kThetaSize = 3 * kJointCount;  // theta: a rotation (axis-angle, rad) per joint
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <span>
 
 #include "engine/files/numbers.h"
@@ -77,8 +78,26 @@ static const Op kPoseCorrection{{
         },
 }};
 
+std::vector<float> startBends(std::span<const float> start, float transScale) {
+    std::vector<float> bends(start.size());
+    const size_t row = kPoseRow;
+    constexpr float kTurnAtCut = .6f, kWayAtCut = .3f;
+    for (size_t at = row; at + 2 * row <= start.size(); at += row) {
+        const auto bend = [&](size_t k) {
+            return start[at + k] - (start[at + k - row] + start[at + k + row]) / 2;
+        };
+        const size_t t = kThetaSize;
+        if (std::hypot(bend(0), bend(1), bend(2)) > kTurnAtCut ||
+            std::hypot(bend(t), bend(t + 1), bend(t + 2)) > kWayAtCut)
+            continue;
+        for (size_t k = 0; k < row; ++k) bends[at + k] = k < t ? bend(k) : bend(k) / transScale;
+    }
+    return bends;
+}
+
 Tensor posePrior(Graph& graph, const Tensor& correction, const Tensor& before, const Tensor& after,
-                 const Tensor& jointWeight, const Tensor& beta, const PosePriorWeights& weights) {
+                 const Tensor& bend, const Tensor& jointWeight, const Tensor& beta,
+                 const PosePriorWeights& weights) {
     Tensor loss = graph.temporary({});
     PosePriorParams params{weights.pose, weights.trans, weights.smooth, weights.shape};
     graph.beginOp("pose_prior");
@@ -86,6 +105,7 @@ Tensor posePrior(Graph& graph, const Tensor& correction, const Tensor& before, c
                    {{"correction", correction},
                     {"before", before},
                     {"after", after},
+                    {"start_bend", bend},
                     {"joint_weight", jointWeight},
                     {"beta", beta},
                     {"loss", loss}},
@@ -101,6 +121,7 @@ Tensor posePrior(Graph& graph, const Tensor& correction, const Tensor& before, c
                        {{"correction", correction},
                         {"before", before},
                         {"after", after},
+                        {"start_bend", bend},
                         {"joint_weight", jointWeight},
                         {"beta", beta},
                         {"dloss", graph.gradient(loss)},
@@ -113,7 +134,7 @@ Tensor posePrior(Graph& graph, const Tensor& correction, const Tensor& before, c
 
 static const Op kPosePrior{{
     .name = "pose_prior",
-    .inputs = "correction[75] before[75] after[75] joint_weight[24] beta[10]",
+    .inputs = "correction[75] before[75] after[75] start_bend[75] joint_weight[24] beta[10]",
     .attributes = "pose trans smooth shape",
     .outputs = "loss",
     .differentiable = "correction beta",
@@ -121,7 +142,81 @@ static const Op kPosePrior{{
         [](OpCall& c) {
             PosePriorWeights weights{c.f("pose"), c.f("trans"), c.f("smooth"), c.f("shape")};
             c.result("loss", posePrior(c.graph, c["correction"], c["before"], c["after"],
-                                       c["joint_weight"], c["beta"], weights));
+                                       c["start_bend"], c["joint_weight"], c["beta"], weights));
+        },
+}};
+
+Tensor poseLikelihood(Graph& graph, const Tensor& theta, const Tensor& angles, float likely,
+                      float limits) {
+    Tensor loss = graph.temporary({});
+    PoseLikelihoodParams params{likely, limits};
+    graph.beginOp("pose_likelihood");
+    graph.dispatch("fit/pose_likelihood.forward",
+                   {{"theta", theta}, {"angles", angles}, {"loss", loss}}, params, 1);
+    graph.differentiate({theta}, {loss}, [=, &graph] {
+        graph.dispatch("fit/pose_likelihood.backward",
+                       {{"theta", theta},
+                        {"angles", angles},
+                        {"dloss", graph.gradient(loss)},
+                        {"dtheta", graph.gradientTarget(theta)}},
+                       params, kThetaSize);
+    });
+    return loss;
+}
+
+static const Op kPoseLikelihood{{
+    .name = "pose_likelihood",
+    .inputs = "theta[72] angles[72,4]",
+    .attributes = "likely limits",
+    .outputs = "loss",
+    .differentiable = "theta",
+    .build =
+        [](OpCall& c) {
+            c.result("loss", poseLikelihood(c.graph, c["theta"], c["angles"], c.f("likely"),
+                                            c.f("limits")));
+        },
+}};
+
+Tensor balanceLoss(Graph& graph, const Tensor& joints, const Tensor& shares, const Tensor& up,
+                   float deviation, float level) {
+    CHECK(deviation > 0, "the deviation {} is positive", deviation);
+    Tensor loss = graph.temporary({});
+    BalanceParams params{u32(joints.dim(0)), deviation, level};
+    graph.beginOp("balance_loss");
+    graph.dispatch("fit/balance_loss.forward",
+                   {{"joints", joints}, {"shares", shares}, {"up", up}, {"loss", loss}}, params, 1);
+    graph.differentiate({joints, up}, {loss}, [=, &graph] {
+        // One kernel writes both; the one that nobody wants goes to a temporary.
+        auto target = [&](const Tensor& input) {
+            return graph.wantsGradient(input) ? graph.gradientTarget(input)
+                                              : graph.temporary(input.shape);
+        };
+        Tensor djoints = target(joints), dup = target(up);
+        graph.dispatch("fit/balance_loss.backward",
+                       {{"joints", joints},
+                        {"shares", shares},
+                        {"up", up},
+                        {"dloss", graph.gradient(loss)},
+                        {"djoints", djoints},
+                        {"dup", dup}},
+                       params, params.joints);
+    });
+    return loss;
+}
+
+static const Op kBalanceLoss{{
+    .name = "balance_loss",
+    .inputs = "joints[J,3] shares[J] up[2]",
+    .attributes = "deviation level",
+    .outputs = "loss",
+    .differentiable = "joints up",
+    .build =
+        [](OpCall& c) {
+            if (c.attribute("deviation") <= 0)
+                throwInput("attr_deviation: expected metres above 0, found {}",
+                           c.attribute("deviation"));
+            c.result("loss", balanceLoss(c.graph, c["joints"], c["shares"], c["up"],
+                                         c.f("deviation"), c.f("level")));
         },
 }};
 

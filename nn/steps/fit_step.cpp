@@ -3,7 +3,10 @@
 #include <algorithm>
 #include <cstddef>
 
+#include "nn/body/human_joints.h"
+#include "nn/body/likely_pose.h"
 #include "nn/ops/body.h"
+#include "nn/ops/elementwise.h"
 #include "nn/ops/fit.h"
 #include "nn/ops/loss.h"
 
@@ -15,6 +18,20 @@ namespace {
 constexpr float kTransScale = 0.4f;
 // The keypoint loss's scale, as part of the crop's side: joints farther off pull less.
 constexpr float kKeypointScale = 0.04f;
+// A body that stands or walks is about so far out of balance, metres.
+constexpr float kBalance = 0.1f;
+// What is up is sought near the camera's own: a pitch of six degrees costs a tenth of the weight.
+constexpr float kLevel = 10;
+// Slope per unit of its parameter, whose rate is the shape's.
+constexpr float kUpScale = .1f;
+
+// From what a body stands on to its centre of mass, as shares of the joints.
+std::vector<float> balanceShares() {
+    std::vector<float> shares(jointMasses().begin(), jointMasses().end());
+    for (size_t j : {joint::kLeftAnkle, joint::kRightAnkle, joint::kLeftFoot, joint::kRightFoot})
+        shares[j] -= .25f;
+    return shares;
+}
 
 }  // namespace
 
@@ -39,18 +56,34 @@ FitStep::FitStep(Device& device, const BodyModel& body, FitStart start, const Fi
     corrections.add("correction", {frames, kPoseRow}, std::vector<float>(start_.poses.size()));
     corrections.allocate(device);
     shape.add("beta", {10}, {start_.betas.begin(), start_.betas.end()});
+    if (preset.balance > 0) shape.add("up", {2}, std::vector<float>(2));
     shape.allocate(device);
 
     const int64_t size = preset.size;
     constexpr uint32_t kFrameWord = offsetof(StepParams, frame) / 4;
     Tensor table = graph.attach(corrections.section(Parameters::kValues), {frames, kPoseRow});
     Tensor given = graph.constant(std::span<const float>(start_.poses), {frames, kPoseRow});
+    Tensor bends = graph.constant(std::span<const float>(startBends(start_.poses, kTransScale)),
+                                  {frames, kPoseRow});
     Tensor beta = start_.fitShape ? graph.parameter(shape, "beta")
                                   : graph.constant(std::span<const float>(start_.betas), {10});
     Tensor rest = graph.constant(body.restVertices(), {body.vertexCount, 3});
     LbsModel skin = lbsModel(graph, body);
     RasterMesh mesh = rasterMesh(graph, body.faces, body.vertexCount);
     Tensor joints = graph.constant(std::span<const float>(jointWeights(false)), {kJointCount});
+    const bool likely = preset.likely > 0 || preset.limits > 0;
+    Tensor angles;
+    if (likely) {
+        std::vector<float> numbers;
+        for (const LikelyAngle& a : likelyPose())
+            numbers.insert(numbers.end(), {a.mean, a.precision, a.low, a.high});
+        angles = graph.constant(std::span<const float>(numbers), {kThetaSize, 4});
+    }
+    Tensor shares, up;
+    if (preset.balance > 0) {
+        shares = graph.constant(std::span<const float>(balanceShares()), {kJointCount});
+        up = scaleShift(graph, graph.parameter(shape, "up"), kUpScale, 0);
+    }
     PosePriorWeights weights;
     weights.pose = static_cast<float>(preset.priorTheta);
     weights.trans = static_cast<float>(preset.priorTheta);
@@ -65,6 +98,7 @@ FitStep::FitStep(Device& device, const BodyModel& body, FitStart start, const Fi
         Tensor correction = selectRow(graph, table, poseStep, kFrameWord);
         Tensor before = selectRow(graph, table, poseStep, kFrameWord, -1);
         Tensor after = selectRow(graph, table, poseStep, kFrameWord, 1);
+        Tensor bend = selectRow(graph, bends, poseStep, kFrameWord);
         graph.watch(correction);
         rows.push_back(correction);
         Pose pose = poseCorrection(graph, selectRow(graph, given, poseStep, kFrameWord), correction,
@@ -72,7 +106,15 @@ FitStep::FitStep(Device& device, const BodyModel& body, FitStart start, const Fi
         PosedBody posed = lbs(graph, skin, rest, pose.theta, beta, pose.trans);
         Tensor silhouette = softSilhouette(graph, mesh, posed.verts, sample.camera, size, size);
         losses.term("iou_loss", 1, silhouetteIouLoss(graph, silhouette, sample.target));
-        losses.term("prior", 1, posePrior(graph, correction, before, after, joints, beta, weights));
+        losses.term("prior", 1,
+                    posePrior(graph, correction, before, after, bend, joints, beta, weights));
+        if (likely)
+            losses.term("likely", 1,
+                        poseLikelihood(graph, pose.theta, angles, static_cast<float>(preset.likely),
+                                       static_cast<float>(preset.limits)));
+        if (preset.balance > 0)
+            losses.term("balance", preset.balance,
+                        balanceLoss(graph, posed.joints, shares, up, kBalance, kLevel));
         if (start_.keypoints) {
             sample.keypoints = graph.input({kJointCount, 3});
             losses.term("keypoints", preset.keypoints,
@@ -91,7 +133,7 @@ FitStep::FitStep(Device& device, const BodyModel& body, FitStart start, const Fi
     for (size_t i = 0; i < poseSteps.size(); ++i)
         adamwRow(graph, table, gradients[i], moments(Parameters::kMoment1),
                  moments(Parameters::kMoment2), optimiser, poseSteps[i]);
-    if (start_.fitShape) {
+    if (start_.fitShape || preset.balance > 0) {
         optimiser.rateScale = static_cast<float>(preset.lrBeta / preset.lrTheta);
         adamwStep(graph, shape, optimiser);
     }

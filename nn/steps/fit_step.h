@@ -27,7 +27,10 @@ namespace doppel {
     NUMBER(double, constantPart, .5, 0, 1, "part of the steps at full rate; then linear to 0") \
     NUMBER(double, priorTheta, .002, 0, kNoLimit, "weight of staying near the given poses")    \
     NUMBER(double, priorFew, 0, 0, kNoLimit, "of four frames or fewer this, if it is more")    \
-    NUMBER(double, smoothTheta, .02, 0, kNoLimit, "weight of slow corrections, in videos")     \
+    NUMBER(double, smoothTheta, .02, 0, kNoLimit, "weight of an even motion, in videos")       \
+    NUMBER(double, likely, 0, 0, kNoLimit, "weight of a likely pose (nn/body/likely_pose.h)")  \
+    NUMBER(double, limits, 0, 0, kNoLimit, "weight of joints' limits, per squared radian")     \
+    NUMBER(double, balance, 0, 0, kNoLimit, "weight of a centre of mass above the feet")       \
     NUMBER(double, priorBeta, 1e-5, 0, kNoLimit, "weight of a likely shape")                   \
     NUMBER(double, keypoints, .1, 0, kNoLimit, "weight w_k of the keypoints' loss")
 struct FitPreset {

@@ -122,6 +122,8 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
     Tensor gainTable;
     if (movesGains) gainTable = graph.attach(state.gains.section(Parameters::kValues), {frames, 3});
     Tensor given = graph.constant(std::span<const float>(start.poses), {frames, kPoseRow});
+    Tensor bends = graph.constant(std::span<const float>(startBends(start.poses, state.transScale)),
+                                  {frames, kPoseRow});
     Tensor joints = graph.constant(std::span<const float>(jointWeights(coloured)), {kJointCount});
     PosePriorWeights prior;
     prior.pose = static_cast<float>(preset.priorTheta);
@@ -177,7 +179,8 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
             losses.term(
                 "prior", 1,
                 posePrior(graph, correction, selectRow(graph, table, poseStep, kFrameWord, -1),
-                          selectRow(graph, table, poseStep, kFrameWord, 1), joints, beta, prior));
+                          selectRow(graph, table, poseStep, kFrameWord, 1),
+                          selectRow(graph, bends, poseStep, kFrameWord), joints, beta, prior));
         samples.push_back(sample);
     }
     if (start.movesOffsets) {
@@ -202,8 +205,7 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
         Tensor first = graph.constant(std::span<const float>(start.texels), {texture, texture, 3});
         Tensor ones = graph.constant(std::vector<float>(count, 1.0f), {texture, texture});
         Tensor mean = graph.constant(std::vector<float>{1 / static_cast<float>(3 * count)}, {1});
-        losses.term("texels", weight,
-                    pyramidLoss(graph, albedo, first, ones, mean, {.cell1 = 1}));
+        losses.term("texels", weight, pyramidLoss(graph, albedo, first, ones, mean, {.cell1 = 1}));
     }
     graph.backward(losses.sum());
 

@@ -49,7 +49,7 @@ namespace doppel {
     NUMBER(double, robust, .02, 0, 1, "difference of colours from which on outliers count less") \
     NUMBER(double, priorTheta, .05, 0, kNoLimit, "weight of staying near the given rotations")   \
     NUMBER(double, priorTrans, .5, 0, kNoLimit, "weight of staying near the given places")       \
-    NUMBER(double, smoothTheta, 0, 0, kNoLimit, "weight of slow corrections, in videos")         \
+    NUMBER(double, smoothTheta, 0, 0, kNoLimit, "weight of an even motion, in videos")           \
     NUMBER(int, others, 0, 0, kNoLimit,                                                          \
            "times that each of three or four frames is fitted before to what others show")       \
     NUMBER(double, stay, .3, 0, kNoLimit, "weight of small offsets")                             \

@@ -386,9 +386,18 @@ void addOps() {
              {{"correction", {75}},
               {"before", {75}},
               {"after", {75}},
+              {"start_bend", {75}},
               {"joint_weight", {kJointCount}},
               {"beta", {10}}},
              {{"pose", 1}, {"trans", 1}, {"smooth", 1}, {"shape", 1}}});
+    addCase({"pose_likelihood",
+             "pose",
+             {{"theta", {kThetaSize}}, {"angles", {kThetaSize, 4}}},
+             {{"likely", 1}, {"limits", 1}}});
+    addCase({"balance_loss",
+             "pose",
+             {{"joints", {kJointCount, 3}}, {"shares", {kJointCount}}, {"up", {2}}},
+             {{"deviation", .1}, {"level", .1}}});
     addCase({"weighted_sum", "four", {{"a", {}}, {"b", {}}, {"c", {}}, {"d", {}}}});
 }
 

@@ -15,6 +15,14 @@ struct PoseCorrectionParams {
 struct PosePriorParams {
     float pose, trans, smoothness, shape;  // weights
 };
+struct PoseLikelihoodParams {
+    float likely, limits;  // weights
+};
+struct BalanceParams {
+    uint joints;
+    float deviation;  // m
+    float level;      // weight
+};
 struct WeightedSumParams {
     float weightA, weightB, weightC, weightD;
 };

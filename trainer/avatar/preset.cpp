@@ -117,6 +117,10 @@ Preset presetByName(std::string_view name) {
     preset.mesh.stay = 10;
     preset.mesh.smooth = 3000;
     preset.fit.priorFew = .2;
+    preset.fit.likely = .004;
+    preset.fit.limits = .5;
+    preset.fit.balance = .02;
+    preset.fit.priorBeta = 3e-4;
     preset.texels.others = 60;
     preset.shape.hands = preset.texels.hands = 1e4;
     preset.mesh.hands = 1000;

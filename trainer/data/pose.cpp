@@ -30,14 +30,6 @@ std::optional<size_t> jointNumber(std::string_view name) {
     return static_cast<size_t>(at - kNames.begin());
 }
 
-size_t oppositeJoint(size_t joint) {
-    const std::string_view name = jointName(joint);
-    // SMPL numbers each left joint just before its right one.
-    if (name.starts_with("left_")) return joint + 1;
-    if (name.starts_with("right_")) return joint - 1;
-    return joint;
-}
-
 // ---- rotations ----------------------------------------------------------------------------------
 
 glm::dquat quaternionOf(const glm::dvec3& axisAngle) {

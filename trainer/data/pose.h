@@ -31,9 +31,6 @@ inline constexpr std::array<double, 3> kRestPelvis{0, -.223, .028};
 const char* jointName(size_t joint);
 std::optional<size_t> jointNumber(std::string_view name);
 
-// The joint on the other side; of those in the middle, the joint itself.
-size_t oppositeJoint(size_t joint);
-
 // ---- rotations ----------------------------------------------------------------------------------
 
 // Axis times angle in radians, as theta holds it, to a unit quaternion and back. The way back gives

@@ -5,37 +5,6 @@
 
 namespace doppel {
 
-const std::array<double, joint::kCount>& jointMasses() {
-    static const std::array<double, joint::kCount> shares = [] {
-        struct Segment {
-            size_t from, to;
-            double mass, centre;  // shares of the body's mass and of the way
-        };
-        std::array<double, joint::kCount> sum{};
-        const auto add = [&](const Segment& s) {
-            sum[s.from] += s.mass * (1 - s.centre);
-            sum[s.to] += s.mass * s.centre;
-        };
-        add({joint::kNeck, joint::kHead, .0694, 1});
-        add({joint::kSpine3, joint::kNeck, .1596, .5});
-        add({joint::kSpine1, joint::kSpine3, .1633, .5});
-        add({joint::kPelvis, joint::kSpine1, .1117, .3});
-        for (size_t side : {size_t{0}, size_t{1}}) {  // left joints come just before right ones
-            add({joint::kLeftShoulder + side, joint::kLeftElbow + side, .0271, .58});
-            add({joint::kLeftElbow + side, joint::kLeftWrist + side, .0162, .46});
-            add({joint::kLeftWrist + side, joint::kLeftHand + side, .0061, .8});
-            add({joint::kLeftHip + side, joint::kLeftKnee + side, .1416, .41});
-            add({joint::kLeftKnee + side, joint::kLeftAnkle + side, .0433, .45});
-            add({joint::kLeftAnkle + side, joint::kLeftFoot + side, .0137, .5});
-        }
-        double whole = 0;
-        for (double share : sum) whole += share;
-        for (double& share : sum) share /= whole;
-        return sum;
-    }();
-    return shares;
-}
-
 glm::dvec2 wayOut(const glm::dvec2& p, std::span<const glm::dvec2> corners) {
     const auto side = [](const glm::dvec2& a, const glm::dvec2& b, const glm::dvec2& c) {
         return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);

@@ -6,15 +6,10 @@
 #include <span>
 #include <vector>
 
+#include "nn/body/human_joints.h"
 #include "viewer/pose/skeleton.h"
 
 namespace doppel {
-
-// Each joint's share of the mass, of a body whose segments have the shares of an adult's that de
-// Leva gives ("Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters", 1996): a
-// segment's goes to the joints at its ends in the ratio of their distances from the segment's
-// centre.
-const std::array<double, joint::kCount>& jointMasses();
 
 glm::dvec3 centreOfMass(const PosedSkeleton& posed);  // metres
 

@@ -4,11 +4,13 @@
 #include <cmath>
 
 #include "engine/error.h"
+#include "nn/body/human_joints.h"
 
 namespace doppel {
 
 namespace {
 
+constexpr glm::dvec3 kX(1, 0, 0), kY(0, 1, 0);
 constexpr double kDegree = 3.14159265358979323846 / 180;
 
 bool isFinite(const glm::dvec3& v) {
@@ -16,67 +18,6 @@ bool isFinite(const glm::dvec3& v) {
 }
 
 // ---- ranges -------------------------------------------------------------------------------------
-
-struct Range {
-    double low, high;  // degrees
-};
-
-// A joint's rotation is taken apart into a twist about its bone's axis in the T-pose, and a swing
-// of the bone about axes u and v across it (the swing's rotation vector in these two).
-//
-// Signs are those of SMPL's T-pose, of left and middle joints; the right side is its mirror image.
-struct JointRange {
-    glm::dvec3 axis, u, v;
-    Range twist, aboutU, aboutV;
-    // Ball joints: swings fill an ellipse, for nobody reaches the ends of both ranges at once.
-    // Hinges: a box.
-    bool ball;
-};
-
-constexpr glm::dvec3 kX(1, 0, 0), kY(0, 1, 0), kZ(0, 0, 1);
-
-// Ranges of motion of healthy adults as the American Academy of Orthopaedic Surgeons gives them
-// (Greene and Heckman, "The Clinical Measurement of Joint Motion", 1994) and, for the spine, White
-// and Panjabi, "Clinical Biomechanics of the Spine" (1990). Where SMPL has more joints than a
-// physiotherapist measures (three in the trunk, two in the neck), they share a range. Captures put
-// part of a forearm's rotation into the wrist and part of a shoulder girdle's into the shoulder,
-// and active people go further than the mean: ranges are widened by up to a third for that.
-const JointRange& rangeOf(size_t joint) {
-    // Bending forward, and backward; to either side; turning. Thoracolumbar: 80, 25; 35; 45.
-    static const JointRange spine1{kY, kX, kZ, {-14, 14}, {-15, 38}, {-16, 16}, true};
-    static const JointRange spine2{kY, kX, kZ, {-18, 18}, {-14, 34}, {-16, 16}, true};
-    static const JointRange spine3{kY, kX, kZ, {-24, 24}, {-12, 30}, {-16, 16}, true};
-    // Cervical: 45 forward, 45 back; 45; 60 to 80.
-    static const JointRange neck{kY, kX, kZ, {-42, 42}, {-32, 32}, {-26, 26}, true};
-    static const JointRange head{kY, kX, kZ, {-42, 42}, {-32, 28}, {-24, 24}, true};
-    // Hip: flexion 120 and extension 30 about −x, abduction 45 and adduction 30 about z, rotation
-    // outward 45 and inward 45.
-    static const JointRange hip{kY, -kX, kZ, {-45, 60}, {-35, 130}, {-35, 60}, true};
-    // Knee: flexion 135 to 150, no extension beyond straight; some rotation when bent.
-    static const JointRange knee{kY, kX, kZ, {-20, 20}, {0, 152}, {-6, 6}, false};
-    // Ankle: plantar flexion 50, dorsiflexion 20 (40 under the body's weight), inversion 35,
-    // eversion 15 to 20, and the foot's turning in and out.
-    static const JointRange ankle{kZ, kX, kY, {-35, 20}, {-40, 52}, {-20, 25}, true};
-    // Toes: bending up 70, down 40.
-    static const JointRange foot{kZ, kX, kY, {-10, 10}, {-75, 42}, {-12, 12}, true};
-    // Shoulder girdle: forward and back 15 to 20, up 30 to 40, down 10.
-    static const JointRange collar{kX, -kY, kZ, {-20, 20}, {-22, 25}, {-14, 36}, true};
-    // Shoulder, from the arm stretched sideways: horizontal adduction forward 135, abduction back
-    // 45; up to the vertical (abduction 180), down to it and across the body (adduction 15);
-    // rotation inward 70 to 90, outward 90.
-    static const JointRange shoulder{kX, -kY, kZ, {-105, 95}, {-55, 142}, {-112, 102}, true};
-    // Elbow: flexion 150, no extension beyond straight; pronation and supination 80 to 90.
-    static const JointRange elbow{kX, -kY, kZ, {-90, 90}, {0, 152}, {-8, 8}, false};
-    // Wrist, palm down: flexion 80, extension 70, to the thumb 20, to the little finger 30.
-    static const JointRange wrist{kX, -kZ, -kY, {-45, 45}, {-75, 82}, {-36, 26}, true};
-    // Knuckles: flexion 90, extension 30 to 45.
-    static const JointRange hand{kX, -kZ, -kY, {-12, 12}, {-40, 92}, {-20, 20}, true};
-    static const std::array<const JointRange*, joint::kCount> ranges = {
-        nullptr,   &hip,      &hip,   &spine1, &knee,  &knee,   &spine2, &ankle,
-        &ankle,    &spine3,   &foot,  &foot,   &neck,  &collar, &collar, &head,
-        &shoulder, &shoulder, &elbow, &elbow,  &wrist, &wrist,  &hand,   &hand};
-    return *ranges[joint];
-}
 
 bool isRight(size_t joint) { return oppositeJoint(joint) < joint; }
 
@@ -109,11 +50,11 @@ double radiusOf(const JointRange& range, const SwingTwist& parts) {
                       parts.v / (parts.v < 0 ? range.aboutV.low : range.aboutV.high));
 }
 
-Range widened(const Range& range, double began) {
+AngleRange widened(const AngleRange& range, double began) {
     return {std::min(range.low, began), std::max(range.high, began)};
 }
 
-double beyond(const Range& range, double value) {
+double beyond(const AngleRange& range, double value) {
     return std::max(range.low - value, value - range.high);
 }
 
@@ -306,7 +247,7 @@ glm::dquat clampJoint(size_t joint, const glm::dquat& rotation, const glm::dquat
     const JointRange& range = rangeOf(joint);
     const SwingTwist found = takeApart(range, asLeft(joint, rotation));
     const SwingTwist before = takeApart(range, asLeft(joint, began));
-    const auto clampTo = [](const Range& allowed, double value) {
+    const auto clampTo = [](const AngleRange& allowed, double value) {
         return std::clamp(value, allowed.low, allowed.high);
     };
     SwingTwist allowed = found;
