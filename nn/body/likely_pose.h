@@ -17,7 +17,7 @@ struct LikelyAngle {
 // [kThetaSize], in theta's order. Somebody who stands at ease with the arms hanging, and how far
 // joints are from that in most frames of most clips: knees and elbows little bent, the trunk
 // straight, feet at right angles to shins. No recorded motion went into it; the numbers are ours,
-// and nn/ops/fit.h has the density whose tails let a joint be anywhere else.
+// and nn/ops/fit.h has the loss that lets a joint be anywhere else.
 // Limits are those of human_joints.h, along the components. Shoulders have none: their range is
 // not a box in these.
 // Nothing is said of the pelvis, of neck and head (which are aimed by the face), toes and knuckles.

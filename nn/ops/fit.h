@@ -45,9 +45,9 @@ Tensor posePrior(Graph& graph, const Tensor& correction, const Tensor& before, c
 std::vector<float> startBends(std::span<const float> start, float transScale);
 
 // loss = likely Σ_j log(1 + Σ_k ((θ_jk - mean_jk) precision_jk)²) + limits Σ max(θ - high, low - θ,
-// 0)²: the negative logarithm of a product over joints of Cauchy densities, and what it costs to be
-// beyond limits. theta [72] rad; angles [72,4] as LikelyAngle has them (nn/body/likely_pose.h);
-// loss []. Gradient to theta.
+// 0)²: Cauchy's loss of each joint, whose pull fades where one is surely elsewhere, and what it is
+// to be beyond limits. theta [72] rad; angles [72,4] as LikelyAngle has them
+// (nn/body/likely_pose.h); loss []. Gradient to theta.
 Tensor poseLikelihood(Graph& graph, const Tensor& theta, const Tensor& angles, float likely,
                       float limits);
 

@@ -1,7 +1,7 @@
 // The training step of stage fit: shape, poses and positions of a body, refined by gradient descent
 // through LBS and the soft silhouette, and through keypoints where a frame has them.
 //
-//     L = L_s + w_k L_keypoints + the prior of nn/ops/fit.h
+//     L = L_s + w_k L_keypoints + the priors of nn/ops/fit.h
 #pragma once
 
 #include <array>

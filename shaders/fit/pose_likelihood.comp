@@ -1,7 +1,7 @@
 // loss = likely sum over joints of log(1 + |(theta_j - mean_j) precision_j|^2)
 //        + limits sum of d^2, d being how far a component is outside of its limits
-// over a pose's 24 rotation vectors, radians: the negative logarithm of a density with one peak and
-// long tails, whose pull fades where a joint is surely elsewhere. Backward: to theta.
+// over a pose's 24 rotation vectors, radians: Cauchy's loss, whose pull fades where a joint is surely
+// elsewhere. Backward: to theta.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
