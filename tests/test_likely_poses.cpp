@@ -73,7 +73,7 @@ struct Recording {
         fitCapture(testDevice(), body, capture, {.preset = preset, .loop = {.seed = 1}});
         return capture;
     }
-    // Of a joint in space where the pelvis has joint 0, degrees, a mean over frames.
+    // How far a joint's rotation in its parent's frame is off, degrees, a mean over frames.
     double off(const Capture& capture, size_t joint) const {
         double sum = 0;
         for (size_t f = 0; f < capture.size(); ++f)
@@ -145,10 +145,10 @@ TEST(FitOfLikelyPoses, BodiesStandOverTheirFeet) {
         }
         return sum / double(capture.size());
     };
-    const double true_ = beside(recording().truth),
+    const double inTruth = beside(recording().truth),
                  without = beside(recording().fitted(given, 0, 0, 0)),
                  with = beside(recording().fitted(given, 0, 0, presetByName("ci").fit.balance));
-    std::cout << "beside the feet by " << without << " and " << with << " mm, in truth " << true_
+    std::cout << "beside the feet by " << without << " and " << with << " mm, in truth " << inTruth
               << "\n";
     EXPECT_LT(with, .5 * without);
 }
