@@ -321,7 +321,7 @@ TEST(CommandLine, RefusesWithOneLineAndTwo) {
     refuse({"train", "c", "--out", "a", "--set", "mesh.batch=two"},
            "--set: mesh.batch: expected a whole number from 1 to 256, found \"two\"");
     refuse({"train", "c", "--out", "a", "--set", "texture.textureSize=300"},
-           "texture.textureSize: expected a power of two, found 300");
+           "texture.textureSize: expected 0 or a power of two from 16 on, found 300");
     refuse({"train", "c", "--out", "a", "--set", "texture.depth=12"}, "texture.depth: expected");
     refuse({"train", "c", "--out", "a", "--seed", "-1"}, "--seed");
     refuse({"render", "a", "--motion", "m", "--out", "d", "--background", "green"},

@@ -35,7 +35,9 @@ Preset restlessPreset() {
     preset.shape.steps = 7;
     preset.texels.steps = 7;
     preset.shape.coarse = .3;
-    preset.texels.coarse = .5;
+    preset.texels.size = 64;
+    preset.texels.coarse = .3;
+    preset.texels.fine = .4;
     preset.mesh.steps = 7;
     preset.mesh.batch = 2;
     preset.mesh.balanceHeadings = true;

@@ -20,6 +20,7 @@
 #include "trainer/commands/train.h"
 #include "trainer/eval/evaluate.h"
 #include "trainer/motion/synthetic.h"
+#include "trainer/stages/texture_size.h"
 
 namespace doppel {
 namespace {
@@ -291,6 +292,81 @@ TEST(Train, CropsAreNoLargerThanFrames) {
     const std::vector<float> offsets = offsetsWith(128);
     EXPECT_EQ(offsetsWith(256), offsets);
     EXPECT_NE(offsetsWith(64), offsets);
+}
+
+// Crops of half the frames' size blur what they teach; the last ones have the frames' own pixels.
+TEST(Train, LastStepsSeeTheFramesOwnPixels) {
+    test::Folder folder;
+    Capture capture = tinyCapture(folder.path() / "capture");  // 128 pixels a side
+    auto interiorWith = [&](double fine) {
+        Avatar avatar;
+        avatar.bodyArrays = readBodyArrays("default");
+        avatar.body = bodyFromNpz(avatar.bodyArrays);
+        avatar.preset = tinyPreset();
+        avatar.preset.texture.textureSize = 128;
+        avatar.preset.shape.steps = avatar.preset.texels.steps = 60;
+        avatar.preset.texels.size = 64;
+        avatar.preset.texels.coarse = 0;
+        avatar.preset.texels.fine = fine;
+        TrainSettings settings;
+        settings.out = folder.path() / fmt::format("{}", fine);
+        settings.pictureSeconds = 0;
+        settings.stages = {"fit", "shape", "texels"};
+        const TrainResult result = trainAvatar(testDevice(), avatar, capture, settings);
+        const FrameMetrics metrics =
+            meanMetrics(evaluateAvatar(testDevice(), result.avatar, result.capture));
+        return std::ranges::find(metrics.figures, "psnr_interior",
+                                 &std::pair<std::string, double>::first)
+            ->second;
+    };
+    EXPECT_GT(interiorWith(.5), interiorWith(0) + .3);
+}
+
+// A person who fills more of a frame, or of a larger one, is worth more texels.
+TEST(Train, TexturesAreAsFineAsFrames) {
+    Avatar avatar;
+    avatar.bodyArrays = readBodyArrays("default");
+    avatar.body = bodyFromNpz(avatar.bodyArrays);
+    Capture capture;
+    capture.frames.resize(20);
+    capture.theta.resize(20);
+    capture.trans.assign(20, {0, 0, 3});
+    auto sizeWith = [&](double focal, double texel) {
+        for (Frame& frame : capture.frames) frame.camera.fx = frame.camera.fy = focal;
+        return textureSizeFor(avatar.body, capture, texel);
+    };
+    EXPECT_EQ(sizeWith(750, 1), 512);    // 250 pixels a metre, as in the demo
+    EXPECT_EQ(sizeWith(1500, 1), 1024);  // twice as many
+    EXPECT_EQ(sizeWith(1500, 2), 512);
+    EXPECT_EQ(sizeWith(9000, 1), 2048);  // as far as it goes
+    // Who comes near in one frame of twenty is no reason, who does in five is.
+    sizeWith(750, 1);
+    capture.trans[7] = {0, 0, .5};
+    EXPECT_EQ(textureSizeFor(avatar.body, capture, 1), 512);
+    for (size_t i : {1u, 2u, 3u, 4u}) capture.trans[i] = {0, 0, 1};
+    EXPECT_EQ(textureSizeFor(avatar.body, capture, 1), 2048);
+
+    TrainSettings settings;
+    settings.stages = {"fit", "texels"};
+    auto decided = [&](Preset preset) {
+        avatar.preset = std::move(preset);
+        decideTextureSize(avatar, capture, settings);
+        checkPreset(avatar.preset, "test");
+        return std::pair(avatar.preset.texture.textureSize, avatar.preset.texture.block);
+    };
+    auto byFrames = [](const char* name) {
+        Preset preset = presetByName(name);
+        preset.texture.textureSize = 0;
+        return preset;
+    };
+    EXPECT_EQ(decided(byFrames("small")), std::pair(2048, 4));
+    EXPECT_EQ(decided(byFrames("ci")), std::pair(2048, 8));
+    EXPECT_EQ(decided(presetByName("paper")), std::pair(512, 1));  // given: so be it
+    // Texels that stay decide for the networks that paint over them.
+    avatar.textureSize = 1024;
+    avatar.texels.resize(3 * 1024 * 1024);
+    settings.stages = {"mesh", "texture"};
+    EXPECT_EQ(decided(byFrames("small")), std::pair(1024, 2));
 }
 
 TEST(Train, RefusesWhatIsNoAvatar) {

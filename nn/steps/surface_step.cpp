@@ -109,6 +109,11 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
                 add(graph, look.texture, binomialMean(graph, graph.parameter(texels, "texels")));
     }
     const Tensor albedo = look.texture;
+    // Of texels that are smaller than half a pixel, a pixel's samples meet one here and another
+    // there, and pull vertices to and fro: what is drawn are means of them.
+    if (coloured && texture >= 2 * size)
+        for (int k = 0; k < 2; ++k) look.texture = binomialMean(graph, look.texture);
+    const Tensor drawnTexels = look.texture;
     std::optional<CaptureLight> light;
     std::vector<float> fixedLight = start.light;
     if (movesGains) fixedLight.resize(kLightNumbers);  // even without: gains act where a light does
@@ -161,7 +166,7 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
                 graph.watch(gainRows.back());
                 gain = scaleShift(graph, gainRows.back(), 1, 1);
             }
-            look.texture = light->lit(albedo, posed.verts, gain);
+            look.texture = light->lit(drawnTexels, posed.verts, gain);
         }
         SurfaceRender drawn = surfaceRender(graph, faces, posed.verts, sample.camera,
                                             coloured ? &look : nullptr, size, size, drawing);

@@ -20,7 +20,10 @@ CHOICES(Region, Union, Intersection)
 // Stage 2: the coarse texture network G_TN.
 #define TEXTURE_NUMBERS(NUMBER, FLAG, CHOICE)                                                 \
     NUMBER(int, size, 512, 16, 4096, "side of the crops, pixels")                             \
-    NUMBER(int, textureSize, 512, 16, 4096, "side of the textures, texels; a power of two")   \
+    NUMBER(int, textureSize, 512, 0, 4096,                                                    \
+           "side of the textures, texels; a power of two from 16 on; 0: by the frames")       \
+    NUMBER(double, texel, 1, .1, 100,                                                         \
+           "pixels that a texel covers at most, where textureSize goes by the frames")        \
     NUMBER(int, block, 1, 1, 8, "texels of a side that the networks take as one")             \
     NUMBER(int, width, 64, 1, 512, "channels d of the U-Net's first step")                    \
     NUMBER(int, depth, 9, 2, 12, "steps down; 2^depth is textureSize / block at most")        \

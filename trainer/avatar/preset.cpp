@@ -125,6 +125,8 @@ Preset presetByName(std::string_view name) {
     preset.shape.hands = preset.texels.hands = 1e4;
     preset.mesh.hands = 1000;
     preset.texels.cleanHands = true;
+    preset.texels.fine = .25;
+    preset.texture.texel = .9;
     preset.mesh.lr = 5e-4;
     preset.mesh.normal = 0;
     preset.mesh.batch = 1;
@@ -141,6 +143,7 @@ Preset presetByName(std::string_view name) {
         preset.mesh.deviation = .02;
         preset.fit.sigma = 1e-6;
         preset.caps.cell = .01;
+        preset.texture.textureSize = 0;
         preset.shape.size = preset.texels.size = 512;
         preset.shape.steps = 500;
         preset.shape.coarse = .6;
@@ -286,18 +289,20 @@ void checkPreset(const Preset& preset, std::string_view where) {
     if (preset.caps.cell != 0 && preset.caps.cell < kLeastCell)
         throwInput("{}: caps.cell: expected 0 or at least {}, found {}", where, kLeastCell,
                    preset.caps.cell);
-    if ((t.textureSize & (t.textureSize - 1)) != 0) {
-        throwInput("{}: texture.textureSize: expected a power of two, found {}", where,
-                   t.textureSize);
-    }
-    if ((t.block & (t.block - 1)) != 0 || t.block > t.textureSize)
+    constexpr int kLeastSide = 16, kLeastByFrames = 512;  // texels; stages/texture_size.h
+    if ((t.textureSize & (t.textureSize - 1)) != 0 ||
+        (t.textureSize != 0 && t.textureSize < kLeastSide))
+        throwInput("{}: texture.textureSize: expected 0 or a power of two from {} on, found {}",
+                   where, kLeastSide, t.textureSize);
+    const int texels = t.textureSize == 0 ? kLeastByFrames : t.textureSize;
+    if ((t.block & (t.block - 1)) != 0 || t.block > texels)
         throwInput("{}: texture.block: expected a power of two, found {}", where, t.block);
     auto fits = [&](std::string_view name, int depth) {
-        const int side = t.textureSize / t.block;
+        const int side = texels / t.block;
         if (side >> depth < 1)
             throwInput(
                 "{}: {}: expected at most {} for a texture of {} texels in blocks of {}, found {}",
-                where, name, std::bit_width(unsigned(side)) - 1, t.textureSize, t.block, depth);
+                where, name, std::bit_width(unsigned(side)) - 1, texels, t.block, depth);
     };
     fits("texture.depth", t.depth);
     fits("refine.depth", preset.refine.depth);

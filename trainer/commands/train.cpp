@@ -19,6 +19,7 @@
 #include "trainer/import/coverage.h"
 #include "trainer/ranks/launched.h"
 #include "trainer/stages/telling_frames.h"
+#include "trainer/stages/texture_size.h"
 #include "trainer/stages/train.h"
 
 namespace doppel {
@@ -190,6 +191,7 @@ void runTrain(const TrainOptions& options) {
             settings.pictureSeconds = kSeconds;
         settings.opened = [&] { openViewer(options); };
     }
+    decideTextureSize(avatar, capture, settings);  // which its record has
     if (repeats &&
         isTrained(finished, avatar, capture, precisionNamed(options.common.precision), settings)) {
         if (options.common.json)

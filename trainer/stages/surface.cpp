@@ -78,7 +78,49 @@ SurfacePreset halved(SurfacePreset preset) {
     return preset;
 }
 
-// Steps over crops of one size.
+// The same over crops in which no frame shrinks, as far as kLargestCrop, for texels and poses
+// alone: what a surface gains by such pixels are creases. The preset itself where frames do not
+// shrink, or hardly.
+SurfacePreset ownPixels(SurfacePreset preset, Device& device, const BodyModel& body,
+                        const Capture& capture) {
+    constexpr double kLargestCrop = 1024, kHardly = 1.1;
+    BodyPoser poser(device, body);
+    double side = 0;
+    for (size_t i = 0; i < capture.size(); ++i) {
+        const Frame& frame = capture.frames[i];
+        const PosedMesh posed = poser.pose(capture.theta[i], capture.trans[i], capture.betas);
+        const CropBox box = cropBox(frame.camera, posed.joints, "frame " + frame.name);
+        side = std::max(side, 2 * kMargin * box.half);
+    }
+    const int size = static_cast<int>(std::ceil(std::min(side, kLargestCrop) / 16)) * 16;
+    if (size >= kHardly * preset.size) {
+        preset.size = size;
+        preset.lrOffsets = 0;
+    }
+    return preset;
+}
+
+// Steps over crops of one size, from one step on.
+struct Phase {
+    int64_t begin;
+    SurfacePreset preset;
+};
+
+// From coarse to fine: pixels of twice the size reach twice as far, in a quarter of the time.
+std::vector<Phase> phasesOf(const SurfacePreset& preset, Device& device, const BodyModel& body,
+                            const Capture& capture) {
+    const SurfacePreset own = preset.fine > 0 ? ownPixels(preset, device, body, capture) : preset;
+    const int64_t coarse = std::llround(preset.coarse * preset.steps),
+                  fine = own.size == preset.size ? 0 : std::llround(preset.fine * preset.steps);
+    const int64_t last = std::max(coarse, preset.steps - fine);
+    std::vector<Phase> phases;
+    if (coarse > 0) phases.push_back({0, halved(preset)});
+    if (coarse < last) phases.push_back({coarse, preset});
+    if (last < preset.steps) phases.push_back({last, own});
+    return phases;
+}
+
+// What steps over crops of one size need.
 struct Scale {
     TrainingFrames frames;
     SurfaceStep step;
@@ -109,6 +151,13 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
     std::optional<BackgroundPlates> scene;
     if (coloured) scene.emplace(capture, cache, run.loop.ranks);
     const bool profiles = run.loop.profileSteps > 0;
+    std::vector<Phase> phases = phasesOf(preset, device, body, capture);
+    if (profiles) phases = {{0, preset}};
+    auto phaseOf = [&](int64_t step) {
+        size_t phase = 0;
+        while (phase + 1 < phases.size() && step >= phases[phase + 1].begin) ++phase;
+        return phase;
+    };
     Ranks* sharing = run.loop.sharing(preset.batch);
     auto scaleOf = [&](const SurfacePreset& numbers, bool canStop) {
         TrainingFrames frames(device, body, capture, cache, numbers.size,
@@ -125,11 +174,10 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
             CompileOptions{
                 .memoryBudget = run.memoryBudget, .timestamps = profiles, .ranks = sharing});
     };
-    // Coarse to fine: pixels of twice the size reach twice as far, in a quarter of the time.
-    const int64_t coarse = profiles ? 0 : std::llround(preset.coarse * preset.steps);
-    std::unique_ptr<Scale> scale = scaleOf(coarse > 0 ? halved(preset) : preset, true);
-    bool isCoarse = coarse > 0, started = false;
-    std::vector<double> lastCoarse;  // losses, asked for when the first fine step is under way
+    size_t phase = 0;
+    std::unique_ptr<Scale> scale = scaleOf(phases[phase].preset, true);
+    bool started = false;
+    std::vector<double> lastBefore;  // a phase's last losses, asked for when the next one has begun
 
     FrameSampler sampler(capture.size(), run.loop.seed + 41);
     std::vector<uint32_t> visits(capture.size());
@@ -137,7 +185,7 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
     loop.follow(scale->step.graph, scale->step.losses);
     loop.sharing = sharing;
     loop.values = [&](int64_t i, int back) {
-        return i < coarse && !isCoarse ? lastCoarse : scale->step.losses.read(back);
+        return phaseOf(i) < phase ? lastBefore : scale->step.losses.read(back);
     };
     loop.identity = run.identity;
     loop.identity["frames"] = fmt::format("{}", capture.size());
@@ -153,11 +201,11 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
         return drawn;
     };
     loop.submit = [&](int64_t i, const std::vector<size_t>& drawn) {
-        if (isCoarse && i >= coarse) {
-            if (started) lastCoarse = scale->step.losses.read(0);
+        if (const size_t now = phaseOf(i); now != phase) {
+            if (started) lastBefore = scale->step.losses.read(0);
             scale.reset();
-            scale = scaleOf(preset, false);  // the loop keeps a checkpoint first
-            isCoarse = false;
+            scale = scaleOf(phases[now].preset, false);  // the loop keeps a checkpoint first
+            phase = now;
         }
         started = true;
         TrainingFrames& frames = scale->frames;
@@ -292,7 +340,7 @@ void fitPosesToOthers(Device& device, const Avatar& avatar, Capture& capture,
                        .loop = {.seed = settings.seed},
                        .memoryBudget = settings.memoryBudget};
         run.preset.size = halved(preset).size;
-        run.preset.coarse = 0;
+        run.preset.coarse = run.preset.fine = 0;
         run.preset.steps = stepsForVisits(preset.others, mine, run.preset);
         run.preset.decay = .1;
         run.preset.lrTheta = .006;
@@ -310,24 +358,33 @@ void fitPosesToOthers(Device& device, const Avatar& avatar, Capture& capture,
 
 }  // namespace
 
+namespace {
+
+// A stage's steps over crops of each size, those of the given poses.
+void planSurface(Device& device, const Avatar& avatar, const Capture& capture,
+                 const TrainSettings& settings, const SurfacePreset& asked, SurfaceStart start) {
+    start.poses = poseRows(capture);
+    start.betas = capture.betas;
+    const SurfacePreset preset = fitting(asked, capture);
+    SurfaceState state(device, avatar.body, std::move(start), preset);
+    for (const Phase& phase : phasesOf(preset, device, avatar.body, capture))
+        SurfaceStep(device, avatar.body, state, phase.preset,
+                    settings.compileOptions(settings.sharing(preset.batch)));
+}
+
+}  // namespace
+
 void planShape(Device& device, const Avatar& avatar, const Capture& capture,
                const TrainSettings& settings) {
-    const SurfacePreset preset = fitting(avatar.preset.shape, capture);
-    SurfaceState state(device, avatar.body, {.poses = poseRows(capture), .betas = capture.betas},
-                       preset);
-    SurfaceStep(device, avatar.body, state, preset,
-                settings.compileOptions(settings.sharing(preset.batch)));
+    planSurface(device, avatar, capture, settings, avatar.preset.shape, {});
 }
 
 void planTexels(Device& device, const Avatar& avatar, const Capture& capture,
                 const TrainSettings& settings) {
     const int size = avatar.preset.texture.textureSize;
-    SurfaceStart start{.poses = poseRows(capture), .betas = capture.betas, .textureSize = size};
-    start.texels.resize(3 * static_cast<size_t>(size) * static_cast<size_t>(size));
-    const SurfacePreset preset = fitting(avatar.preset.texels, capture);
-    SurfaceState state(device, avatar.body, std::move(start), preset);
-    SurfaceStep(device, avatar.body, state, preset,
-                settings.compileOptions(settings.sharing(preset.batch)));
+    const size_t numbers = 3 * static_cast<size_t>(size) * static_cast<size_t>(size);
+    planSurface(device, avatar, capture, settings, avatar.preset.texels,
+                {.texels = std::vector<float>(numbers), .textureSize = size});
 }
 
 std::vector<float> plannedLight(const Avatar& avatar, const TrainSettings& settings) {

@@ -11,6 +11,7 @@
 #include "trainer/avatar/training_poses.h"
 #include "trainer/data/digest.h"
 #include "trainer/data/output_folder.h"
+#include "trainer/stages/texture_size.h"
 
 namespace doppel {
 
@@ -361,6 +362,7 @@ bool isTrained(const Avatar& there, const Avatar& asked, const Capture& capture,
 TrainResult trainAvatar(Device& device, Avatar avatar, Capture capture,
                         const TrainSettings& settings) {
     capture.requireMasks();
+    decideTextureSize(avatar, capture, settings);
     requireMemory(device, avatar, capture, settings);
     TrainResult result{std::move(avatar), capture, std::nullopt};
     Run run(settings, result.avatar, result.capture, device.precision());
