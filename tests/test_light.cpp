@@ -102,6 +102,42 @@ TEST(Surface, HoldsTexelsLessTheMoreFramesThereAre) {
     EXPECT_NEAR((costOfMovedTexels(8, 16) - costOfMovedTexels(8, 0)) / one, 1 / 8., 1e-3);
 }
 
+// A person whose texels are black and white by turns, before grey that the frame shows everywhere.
+double costOfCheckers(size_t side) {
+    constexpr size_t kSize = 32, kPixels = kSize * kSize;
+    const BodyModel body = bodyFromNpz(readBodyArrays("default"));
+    SurfacePreset preset;
+    preset.size = kSize;
+    preset.batch = 1;
+    preset.silhouette = 0;
+    std::vector<float> pose(size_t(kPoseRow), 0.f), texels;
+    pose[kThetaSize + 2] = 3;  // metres away
+    for (size_t y = 0; y < side; ++y)
+        for (size_t x = 0; x < side; ++x) texels.insert(texels.end(), 3, float((x + y) % 2));
+    SurfaceState state(
+        testDevice(), body,
+        {.poses = pose, .texels = texels, .textureSize = int(side), .movesOffsets = true}, preset);
+    SurfaceStep step(testDevice(), body, state, preset);
+    step.graph.setStep(adamwStepParams(1, 1, kSurfaceOptimiser));
+    step.graph.write(step.poseSteps[0], wordsOf(adamwStepParams(1, 1, kPoseOptimiser)));
+    const SurfaceStep::Sample& sample = step.samples[0];
+    const Camera camera{.fx = 40, .fy = 40, .cx = 16, .cy = 16, .width = 32, .height = 32};
+    step.graph.write(sample.camera, cameraValues(rasterCamera(camera)));
+    step.graph.write(sample.mask, std::vector<float>(kPixels, 1));
+    step.graph.write(sample.counts, std::vector<float>(kPixels, 1));
+    step.graph.write(sample.scale, std::vector<float>{1.f / kPixels});
+    step.graph.write(sample.image, std::vector<float>(3 * kPixels, .5f));
+    step.graph.write(sample.background, std::vector<float>(3 * kPixels, .5f));
+    step.graph.run();
+    return step.losses.read().at(0);
+}
+
+TEST(Surface, DrawsMeansOfTexelsSmallerThanHalfAPixel) {
+    const double large = costOfCheckers(32), small = costOfCheckers(64);
+    EXPECT_GT(large, .01);
+    EXPECT_LT(small, large / 10);
+}
+
 TEST(Light, IsLearnedFromAPersonWhoTurns) {
     const test::Folder folder;
     const Capture seen = turn().subset(kEven);
