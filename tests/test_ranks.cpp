@@ -192,6 +192,7 @@ Preset sharedPreset() {
     preset.fit.batch = 4;
     preset.shape.steps = preset.texels.steps = 4;
     preset.shape.batch = preset.texels.batch = 4;
+    preset.texels.fine = .5;
     preset.mesh.steps = preset.texture.steps = preset.refine.steps = 3;
     preset.mesh.batch = preset.texture.batch = preset.refine.batch = 4;
     preset.texture.constantInput = false;
