@@ -338,13 +338,13 @@ TEST(Train, TexturesAreAsFineAsFrames) {
     EXPECT_EQ(sizeWith(750, 1), 512);    // 250 pixels a metre, as in the demo
     EXPECT_EQ(sizeWith(1500, 1), 1024);  // twice as many
     EXPECT_EQ(sizeWith(1500, 2), 512);
-    EXPECT_EQ(sizeWith(9000, 1), 2048);  // as far as it goes
+    EXPECT_EQ(sizeWith(9000, 1), 1024);  // as far as it goes
     // Who comes near in one frame of twenty is no reason, who does in five is.
     sizeWith(750, 1);
     capture.trans[7] = {0, 0, .5};
     EXPECT_EQ(textureSizeFor(avatar.body, capture, 1), 512);
     for (size_t i : {1u, 2u, 3u, 4u}) capture.trans[i] = {0, 0, 1};
-    EXPECT_EQ(textureSizeFor(avatar.body, capture, 1), 2048);
+    EXPECT_EQ(textureSizeFor(avatar.body, capture, 1), 1024);
 
     TrainSettings settings;
     settings.stages = {"fit", "texels"};
@@ -359,14 +359,14 @@ TEST(Train, TexturesAreAsFineAsFrames) {
         preset.texture.textureSize = 0;
         return preset;
     };
-    EXPECT_EQ(decided(byFrames("small")), std::pair(2048, 4));
-    EXPECT_EQ(decided(byFrames("ci")), std::pair(2048, 8));
+    EXPECT_EQ(decided(byFrames("small")), std::pair(1024, 2));
+    EXPECT_EQ(decided(byFrames("ci")), std::pair(1024, 4));
     EXPECT_EQ(decided(presetByName("paper")), std::pair(512, 1));  // given: so be it
     // Texels that stay decide for the networks that paint over them.
-    avatar.textureSize = 1024;
-    avatar.texels.resize(3 * 1024 * 1024);
+    avatar.textureSize = 2048;
+    avatar.texels.resize(3 * 2048 * 2048);
     settings.stages = {"mesh", "texture"};
-    EXPECT_EQ(decided(byFrames("small")), std::pair(1024, 2));
+    EXPECT_EQ(decided(byFrames("small")), std::pair(2048, 4));
 }
 
 TEST(Train, RefusesWhatIsNoAvatar) {

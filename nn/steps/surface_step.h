@@ -27,7 +27,7 @@ namespace doppel {
     NUMBER(int, steps, 0, 0, kNoLimit, "steps; 0: the stage is left out, as in the paper")       \
     NUMBER(double, coarse, 0, 0, 1, "part of them, the first, over crops of half the size")      \
     NUMBER(double, fine, 0, 0, 1,                                                                \
-           "part of them, the last, of fewer frames over crops that shrink none, up to 1280")    \
+           "part of them, the last, for poses and texels over crops that shrink no frame")       \
     NUMBER(double, decay, .1, 1e-6, 1, "part of the rates that is left in the last step")        \
     NUMBER(double, lrTheta, .01, 1e-9, 10, "rad per step and joint")                             \
     NUMBER(double, lrTrans, .003, 0, 10, "m per step")                                           \

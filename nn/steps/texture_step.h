@@ -17,6 +17,9 @@ namespace doppel {
 // their intersection.
 CHOICES(Region, Union, Intersection)
 
+// The least side of a texture whose size goes by the frames.
+inline constexpr int kLeastSideByFrames = 512;
+
 // Stage 2: the coarse texture network G_TN.
 #define TEXTURE_NUMBERS(NUMBER, FLAG, CHOICE)                                                 \
     NUMBER(int, size, 512, 16, 4096, "side of the crops, pixels")                             \

@@ -289,12 +289,12 @@ void checkPreset(const Preset& preset, std::string_view where) {
     if (preset.caps.cell != 0 && preset.caps.cell < kLeastCell)
         throwInput("{}: caps.cell: expected 0 or at least {}, found {}", where, kLeastCell,
                    preset.caps.cell);
-    constexpr int kLeastSide = 16, kLeastByFrames = 512;  // texels; stages/texture_size.h
+    constexpr int kLeastSide = 16;  // texels
     if ((t.textureSize & (t.textureSize - 1)) != 0 ||
         (t.textureSize != 0 && t.textureSize < kLeastSide))
         throwInput("{}: texture.textureSize: expected 0 or a power of two from {} on, found {}",
                    where, kLeastSide, t.textureSize);
-    const int texels = t.textureSize == 0 ? kLeastByFrames : t.textureSize;
+    const int texels = t.textureSize == 0 ? kLeastSideByFrames : t.textureSize;
     if ((t.block & (t.block - 1)) != 0 || t.block > texels)
         throwInput("{}: texture.block: expected a power of two, found {}", where, t.block);
     auto fits = [&](std::string_view name, int depth) {

@@ -356,10 +356,6 @@ void fitPosesToOthers(Device& device, const Avatar& avatar, Capture& capture,
     }
 }
 
-}  // namespace
-
-namespace {
-
 // A stage's steps over crops of each size, those of the given poses.
 void planSurface(Device& device, const Avatar& avatar, const Capture& capture,
                  const TrainSettings& settings, const SurfacePreset& asked, SurfaceStart start) {

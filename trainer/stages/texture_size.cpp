@@ -12,7 +12,8 @@ namespace doppel {
 
 namespace {
 
-constexpr int kLeastSide = 512, kMostSide = 2048;
+// Crops of 1024 pixels at most could not teach finer ones (stages/surface.cpp).
+constexpr int kMostSide = 1024;
 
 // Metres that the atlas's side would be long if all of it were as dense as its charts are in the
 // mean.
@@ -41,10 +42,10 @@ int textureSizeFor(const BodyModel& body, const Capture& capture, double texel) 
         const auto depth = static_cast<double>(capture.trans[i][2]);
         if (depth > 0) pixels.push_back(std::sqrt(camera.fx * camera.fy) / depth);
     }
-    if (pixels.empty()) return kLeastSide;
+    if (pixels.empty()) return kLeastSideByFrames;
     std::ranges::sort(pixels);
     const double wanted = atlasMetres(body) * pixels[(pixels.size() - 1) * 9 / 10] / texel;
-    int side = kLeastSide;
+    int side = kLeastSideByFrames;
     while (side < kMostSide && side < wanted) side *= 2;
     return side;
 }

@@ -7,8 +7,8 @@
 
 namespace doppel {
 
-// The side of a texture, a power of two from 512 to 2048, whose texels cover `texel` pixels of the
-// sharpest frames at most, in the mean over the body and as far as 2048 go. Sharpest: nine of ten
+// The side of a texture, 512 or 1024, whose texels cover `texel` pixels of the
+// sharpest frames at most, in the mean over the body and as far as 1024 go. Sharpest: nine of ten
 // frames have fewer pixels for a metre of the person. The poses tell how far away the person is.
 int textureSizeFor(const BodyModel& body, const Capture& capture, double texel);
 
