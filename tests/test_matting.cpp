@@ -114,11 +114,12 @@ TEST(Matting, AUsersNetworkDecides) {
     EXPECT_LT(matte[80 * 120 + 100], .01);
     EXPECT_GT(matte[20 * 120 + 105], .99);  // the other one as well
     ClipCutter cutter("", std::make_unique<MattingNetwork>(folder / "red.onnx", "modnet"));
-    cutter.learn(scene.picture, scene.share);
-    const ClipCutter::Sample sample{scene.picture, scene.share};
+    const ClipView sample{scene.picture, scene.share};
+    cutter.learn(sample);
     cutter.finish({&sample, 1});
     EXPECT_EQ(cutter.source(), "the matting network red.onnx");
-    const FrameCut cut = cutter.cut(scene.picture, scene.share, 100);
+    const FrameCut cut =
+        cutter.cut(0, sample, 100, [&](size_t) { return std::make_shared<ClipView>(sample); });
     double both = 0, any = 0;
     for (size_t i = 0; i < cut.mask.size(); ++i) {
         both += cut.mask[i] && scene.truth[i];

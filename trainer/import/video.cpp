@@ -3,6 +3,9 @@
 // landmarks.npz keeps what was seen; docs/formats.md has its arrays.
 #include <algorithm>
 #include <cmath>
+#include <deque>
+#include <functional>
+#include <mutex>
 
 #include "engine/error.h"
 #include "engine/io/image.h"
@@ -113,20 +116,55 @@ void takeShare(const fs::path& file, PersonLandmarks& person) {
 }
 
 constexpr size_t kSamples = 12;  // frames in which a screen is looked for
+constexpr size_t kRecentBytes = size_t{96} << 20;
+
+// Frames as they are cut, read from disk; those that were asked for last are kept, since frames
+// that follow each other look at the same others. On any thread.
+class RecentViews {
+public:
+    explicit RecentViews(std::function<ClipView(size_t)> load) : load_(std::move(load)) {}
+
+    std::shared_ptr<const ClipView> operator()(size_t frame) {
+        {
+            const std::lock_guard lock(mutex_);
+            const auto at = std::ranges::find(recent_, frame, &Recent::frame);
+            if (at != recent_.end()) {
+                std::rotate(recent_.begin(), at, at + 1);
+                return recent_.front().view;
+            }
+        }
+        const auto view = std::make_shared<const ClipView>(load_(frame));
+        const size_t bytes = view->rgb.data.size() + sizeof(float) * view->share.size();
+        const std::lock_guard lock(mutex_);
+        recent_.push_front({frame, view});
+        while (recent_.size() > std::max<size_t>(1, kRecentBytes / bytes)) recent_.pop_back();
+        return view;
+    }
+
+private:
+    struct Recent {
+        size_t frame;
+        std::shared_ptr<const ClipView> view;
+    };
+    std::function<ClipView(size_t)> load_;
+    std::mutex mutex_;
+    std::deque<Recent> recent_;  // the last one first
+};
 
 // Masks of all frames: those that are there already, or by what the whole clip has shown.
 void cutAll(const Capture& capture, Found& found, const fs::path& shares, bool given,
             ClipCutter& cutter, ClipQuality& quality, AnswerLog* log) {
     const auto load = [&](size_t f) {
-        takeShare(shares / (capture.frames[f].name + ".png"), *found.track[f]);
-        ClipCutter::Sample sample{readImage(capture.frames[f].image), {}};
-        sample.share = personShare(*found.track[f], sample.rgb.width, sample.rgb.height);
-        found.track[f]->mask = {};
-        return sample;
+        PersonLandmarks person = *found.track[f];
+        takeShare(shares / (capture.frames[f].name + ".png"), person);
+        ClipView view{readImage(capture.frames[f].image), {}};
+        view.share = personShare(person, view.rgb.width, view.rgb.height);
+        return view;
     };
+    RecentViews views(load);
     const size_t count = capture.size(), some = std::min(count, kSamples);
     if (!given) {
-        std::vector<ClipCutter::Sample> samples;
+        std::vector<ClipView> samples;
         for (size_t i = 0; i < some; ++i) samples.push_back(load(i * count / some));
         cutter.finish(samples);
     }
@@ -134,11 +172,11 @@ void cutAll(const Capture& capture, Found& found, const fs::path& shares, bool g
     Progress progress("cut the person out", int64_t(count));
     for (size_t f = 0; f < count; ++f) {
         if (interrupted()) throw Interrupted{};
-        const ClipCutter::Sample frame = load(f);
+        const std::shared_ptr<const ClipView> frame = views(f);
         FrameCut cut;
         if (given) {
             cut.mask = readMask(*capture.frames[f].mask).data;
-            cut.network = agreement(cut.mask, frame.share);
+            cut.network = agreement(cut.mask, frame->share);
         } else {
             const fs::path& file = *capture.frames[f].mask;
             Digest question;
@@ -157,8 +195,8 @@ void cutAll(const Capture& capture, Found& found, const fs::path& shares, bool g
                     return true;
                 },
                 [&] {
-                    cut = cutter.cut(frame.rgb, frame.share, found.track[f]->roi.side);
-                    Image mask(frame.rgb.width, frame.rgb.height, 1);
+                    cut = cutter.cut(f, *frame, found.track[f]->roi.side, std::ref(views));
+                    Image mask(frame->rgb.width, frame->rgb.height, 1);
                     mask.data = cut.mask;
                     writeImage(file, mask);
                     AnswerLog::Answer bytes;
@@ -348,7 +386,7 @@ Capture readClip(const ImportRequest& request) {
             writeOnce(answers, *frame.mask, mask.data, [&] { writeImage(*frame.mask, mask); });
         }
         quality.frames.push_back(qualityOf(frame.name, *person, picture.width, picture.height));
-        if (!masks) cutter.learn(picture, personShare(*person, picture.width, picture.height));
+        if (!masks) cutter.learn({picture, personShare(*person, picture.width, picture.height)});
         found.pictures.add(std::span<const uint8_t>(picture.data));
         found.pictures.add(std::span<const float>(person->mask));
         const fs::path share = shares / (frame.name + ".png");

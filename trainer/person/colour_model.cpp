@@ -168,6 +168,25 @@ constexpr double kStillNoise = 7;  // more than that is motion
 
 }  // namespace
 
+float notBehind(const std::array<double, 3>& here, const std::array<double, 3>& behind,
+                double variance) {
+    double along = 0, length = 0;
+    for (size_t c = 0; c < 3; ++c) {
+        along += here[c] * behind[c];
+        length += behind[c] * behind[c];
+    }
+    // A shadow makes the background darker, and leaves its hue.
+    const double shade = std::clamp(along / std::max(length, 1.), .3, 1.05);
+    double distance = 0, shaded = 0;
+    for (size_t c = 0; c < 3; ++c) {
+        const double d = here[c] - behind[c], e = here[c] - shade * behind[c];
+        distance += d * d / variance;
+        shaded += e * e / variance;
+    }
+    distance = std::min(distance, shaded + 6 + 10 * (1 - shade));
+    return float(std::clamp(.5 * (distance - 12), -4., 5.));
+}
+
 std::array<double, 3> StillBackground::gains(const Image& rgb,
                                              const std::vector<float>& share) const {
     std::array<double, 3> here{}, there{};
@@ -275,26 +294,14 @@ std::vector<float> StillBackground::favour(const Image& rgb, const std::vector<f
             const Pixel& pixel = pixels_[size_t(y) * size_t(width_) + size_t(x)];
             if (pixel.count < kEnough) continue;
             std::array<double, 3> here, there;
-            double variance = 0, along = 0, length = 0;
+            double variance = 0;
             for (size_t c = 0; c < 3; ++c) {
                 here[c] = gain[c] * rgb.pixel(x, y)[c];
                 there[c] = double(pixel.sum[c] / pixel.count);
                 variance += double(pixel.squares[c] / pixel.count) - there[c] * there[c];
-                along += here[c] * there[c];
-                length += there[c] * there[c];
             }
-            const double noise = std::max(variance / 3, kNoise * kNoise);
-            // A shadow makes the background darker, and leaves its hue.
-            const double shade = std::clamp(along / std::max(length, 1.), .3, 1.05);
-            double distance = 0, shaded = 0;
-            for (size_t c = 0; c < 3; ++c) {
-                distance += (here[c] - there[c]) * (here[c] - there[c]) / noise;
-                const double d = here[c] - shade * there[c];
-                shaded += d * d / noise;
-            }
-            distance = std::min(distance, shaded + 6 + 10 * (1 - shade));
             favour[size_t(y - rect.top) * size_t(rect.width()) + size_t(x - rect.left)] =
-                float(std::clamp(.5 * (distance - 12), -4., 5.));
+                notBehind(here, there, std::max(variance / 3, kNoise * kNoise));
         }
     return favour;
 }

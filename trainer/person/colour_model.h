@@ -59,6 +59,11 @@ private:
     std::array<std::vector<float>, 2> totals_;  // [rows][columns]
 };
 
+// Log of how much likelier a colour is not that of what is behind, shadows that fall on it allowed
+// for; values of 255, and the variance of the latter's.
+float notBehind(const std::array<double, 3>& here, const std::array<double, 3>& behind,
+                double variance);
+
 // What is behind the person, pixel by pixel, as far as some picture showed it; exposures that drift
 // are brought to the first picture's.
 class StillBackground {

@@ -85,9 +85,15 @@ std::vector<float> personShare(const PersonLandmarks& person, int width, int hei
         return inside[size_t(std::clamp(y, 0, kSide - 1)) * kSide +
                       size_t(std::clamp(x, 0, kSide - 1))];
     };
+    // The square is turned and scaled: steps along the picture's axes are the same everywhere.
+    const Point2 first = person.roi.fromPicture({.5, .5}),
+                 across = person.roi.fromPicture({1.5, .5}),
+                 down = person.roi.fromPicture({.5, 1.5});
     for (int y = 0; y < height; ++y) {
         for (int x = 0; x < width; ++x) {
-            const Point2 p = person.roi.fromPicture({x + .5, y + .5});
+            Point2 p;
+            for (size_t i = 0; i < 2; ++i)
+                p[i] = first[i] + x * (across[i] - first[i]) + y * (down[i] - first[i]);
             if (p[0] < 0 || p[1] < 0 || p[0] >= 1 || p[1] >= 1) continue;
             const double u = p[0] * kSide - .5, v = p[1] * kSide - .5;
             const int u0 = int(std::floor(u)), v0 = int(std::floor(v));
@@ -198,6 +204,8 @@ std::vector<uint8_t> ledMask(const Image& part, const std::vector<float>& share,
     return mask;
 }
 
+bool isUnsure(double prior) { return prior > kLeastPrior && prior < 1 - kLeastPrior; }
+
 int radiusOf(double side, double share) { return std::max(1, int(std::lround(side * share))); }
 
 }  // namespace
@@ -222,7 +230,8 @@ void ClipMasks::finish() {
     still_ = background_.still();
 }
 
-CutOut ClipMasks::cutOut(const Image& rgb, const std::vector<float>& share, double side) const {
+CutOut ClipMasks::cutOut(const Image& rgb, const std::vector<float>& share, double side,
+                         const Behind& behind) const {
     const int blur = radiusOf(side, kBlurShare), led = radiusOf(side, kLedShare);
     const Rect rect = rectOf(share, rgb.width, rgb.height, radiusOf(side, kReachShare));
     if (rect.empty()) return {std::vector<uint8_t>(share.size()), 0};
@@ -232,19 +241,24 @@ CutOut ClipMasks::cutOut(const Image& rgb, const std::vector<float>& share, doub
     for (int pass = 0; pass < 2; ++pass) prior = windowMeans(prior, part.width, part.height, blur);
     std::vector<float> still;
     if (still_) still = background_.favour(rgb, share, rect);
+    if (behind) {
+        std::vector<uint8_t> unsure(prior.size());
+        for (size_t i = 0; i < prior.size(); ++i) unsure[i] = isUnsure(prior[i]);
+        still = behind(rect, unsure);
+    }
     const PlaceColours places(rgb, rect, given, radiusOf(side, kCellShare));
     std::vector<float> posterior(given.size());
     for (size_t i = 0; i < given.size(); ++i) {
         const double p = std::clamp(prior[i], kLeastPrior, 1 - kLeastPrior);
         double favour = 0;
         // Far inside and far outside the network is right.
-        if (prior[i] > kLeastPrior && prior[i] < 1 - kLeastPrior) {
+        if (isUnsure(prior[i])) {
             const int x = rect.left + int(i % size_t(part.width)),
                       y = rect.top + int(i / size_t(part.width));
             favour = double(places.favour(x, y, rgb.pixel(x, y), colours_));
         }
         favour = std::clamp(favour, -kMostFavour, kMostFavour);
-        if (still_) favour += double(still[i]);
+        if (!still.empty()) favour += double(still[i]);
         posterior[i] = float(1 / (1 + std::exp(-std::log(p / (1 - p)) - favour)));
     }
     // Neighbours of one colour belong together.

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "trainer/person/blazepose.h"
@@ -38,7 +39,12 @@ public:
     // person and the background have in the whole clip and about each place of this picture (after
     // Rother, Kolmogorov and Blake, GrabCut, 2004, with histograms, and a filter along edges in
     // place of a cut); where the camera stands still, by what is behind each place, too.
-    CutOut cutOut(const Image& rgb, const std::vector<float>& share, double side) const;
+    // behind: what more is known of that, as MovingBackground::favour() has it, for the pixels of a
+    // rectangle that are wanted.
+    using Behind =
+        std::function<std::vector<float>(const Rect& rect, const std::vector<uint8_t>& wanted)>;
+    CutOut cutOut(const Image& rgb, const std::vector<float>& share, double side,
+                  const Behind& behind = {}) const;
 
     const StillBackground& background() const { return background_; }
     bool usesBackground() const { return still_; }

@@ -18,6 +18,16 @@ double sizeOf(const PersonLandmarks& person) {
     return std::max(1., roiOfBody({c[0], c[1]}, {p[0], p[1]}).side / 1.25);
 }
 
+// Whether a part of the body is outside of the square in which it was looked for.
+bool reachesOut(const PersonLandmarks& person) {
+    return std::ranges::any_of(
+        person.points.begin(), person.points.begin() + landmark::kCount,
+        [&](const Landmark& point) {
+            const Point2 at = person.roi.fromPicture({point.picture[0], point.picture[1]});
+            return std::min(at[0], at[1]) < 0 || std::max(at[0], at[1]) > 1;
+        });
+}
+
 // Of one person's landmarks, from one picture to the next.
 class Smoother {
 public:
@@ -191,6 +201,10 @@ std::optional<PersonLandmarks> PersonTracker::next(const Image& rgb, double time
         roi_ = find(rgb);
         if (!roi_) return {};
         person = look(rgb, *roi_);
+        // The detector knows the trunk and guesses the size: feet that are outside of its square
+        // would have no mask.
+        if (person->presence > kLeastPresence && reachesOut(*person))
+            person = look(rgb, RoiFilter()(*person, seconds));
         if (!(person->presence > kLeastPresence)) {
             roi_.reset();
             return {};

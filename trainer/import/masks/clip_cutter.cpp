@@ -28,7 +28,8 @@ Picture pictureOf(const Image& rgb) { return {rgb.width, rgb.height, rgb.data, {
 
 }  // namespace
 
-void ClipCutter::learn(const Image& rgb, const std::vector<float>& share) {
+void ClipCutter::learn(const ClipView& view) {
+    const Image& rgb = view.rgb;
     if (!plate_.empty() && !plateSet_) {
         Image plate = readImage(plate_);
         const double across = double(plate.width) / rgb.width,
@@ -42,15 +43,16 @@ void ClipCutter::learn(const Image& rgb, const std::vector<float>& share) {
         masks_.setPlate(resize(plate, rgb.width, rgb.height));
         plateSet_ = true;
     }
-    masks_.learn(rgb, share);
+    masks_.learn(rgb, view.share);
+    moving_.add(view.share, rgb.width, rgb.height);
 }
 
-void ClipCutter::finish(std::span<const Sample> samples) {
+void ClipCutter::finish(std::span<const ClipView> samples) {
     masks_.finish();
     CHECK(!samples.empty(), "a clip has frames");
     if (plateSet_) {
         std::vector<double> distances;
-        for (const Sample& sample : samples)
+        for (const ClipView& sample : samples)
             distances.push_back(masks_.background().distance(sample.rgb, sample.share));
         std::ranges::sort(distances);
         const double middle = distances[distances.size() / 2];
@@ -64,7 +66,7 @@ void ClipCutter::finish(std::span<const Sample> samples) {
     }
     std::vector<std::shared_ptr<const Picture>> pictures;
     std::vector<std::vector<uint8_t>> people, borders;
-    for (const Sample& sample : samples) {
+    for (const ClipView& sample : samples) {
         pictures.push_back(std::make_shared<Picture>(pictureOf(sample.rgb)));
         borders.push_back(borderOf(*pictures.back()));
         people.push_back(surely(sample.share));
@@ -77,9 +79,20 @@ double agreement(const std::vector<uint8_t>& mask, const std::vector<float>& sha
     return intersectionOverUnion(mask, surely(share));
 }
 
-FrameCut ClipCutter::cut(const Image& rgb, const std::vector<float>& share, double side) const {
+bool ClipCutter::looksBehind() const {
+    return !matting_ && !key_ && !masks_.usesBackground() && moving_.tells();
+}
+
+FrameCut ClipCutter::cut(size_t frame, const ClipView& view, double side,
+                         const MovingBackground::Look& look) const {
+    const auto& [rgb, share] = view;
     const std::vector<uint8_t> network = surely(share);
-    CutOut byColours = masks_.cutOut(rgb, share, side);
+    ClipMasks::Behind behind;
+    if (looksBehind())
+        behind = [&](const Rect& rect, const std::vector<uint8_t>& wanted) {
+            return moving_.favour(frame, view, rect, wanted, side, look);
+        };
+    CutOut byColours = masks_.cutOut(rgb, share, side, behind);
     FrameCut result{std::move(byColours.mask), byColours.doubtful, 0};
     if (matting_) {
         // It finds everybody: the person is whoever is near the network's mask.
@@ -114,6 +127,7 @@ std::string ClipCutter::source() const {
     }
     if (masks_.usesBackground())
         return "the clip's colours and what is behind, for the camera stands still";
+    if (looksBehind()) return "the clip's colours and what is behind, as other frames show it";
     return "the clip's colours";
 }
 

@@ -1,6 +1,6 @@
 // Cuts the person out of a clip's frames, with whatever the clip offers: the network's mask, the
-// colours of the whole clip, a camera that stands still, a plate, a screen, a network of the
-// user's.
+// colours of the whole clip, what other frames show behind, a camera that stands still, a plate, a
+// screen, a network of the user's.
 #pragma once
 
 #include <filesystem>
@@ -11,6 +11,7 @@
 #include "trainer/import/masks/chroma_key.h"
 #include "trainer/import/masks/matting.h"
 #include "trainer/person/mask.h"
+#include "trainer/person/moving_background.h"
 
 namespace doppel {
 
@@ -31,28 +32,28 @@ public:
                         std::unique_ptr<MattingNetwork> matting = nullptr)
         : plate_(std::move(plate)), matting_(std::move(matting)) {}
 
-    // In a first pass, each frame and personShare() of it.
-    void learn(const Image& rgb, const std::vector<float>& share);
+    // In a first pass, each frame.
+    void learn(const ClipView& view);
 
     // Then some of the frames again, from all over the clip, in which a screen is looked for.
     // InputError where the plate shows something else than they do.
-    struct Sample {
-        Image rgb;
-        std::vector<float> share;
-    };
-    void finish(std::span<const Sample> samples);
+    void finish(std::span<const ClipView> samples);
 
-    // In a second pass, each frame, the share, and its square's side.
-    FrameCut cut(const Image& rgb, const std::vector<float>& share, double side) const;
+    // In a second pass, each frame by its number, and its square's side. look: any frame again.
+    FrameCut cut(size_t frame, const ClipView& view, double side,
+                 const MovingBackground::Look& look) const;
 
     // "the clip's colours", "a green screen, #1c9a3f", "the plate empty.jpg", …
     std::string source() const;
 
 private:
+    bool looksBehind() const;  // in other frames
+
     std::filesystem::path plate_;
     std::unique_ptr<MattingNetwork> matting_;  // where given, it decides
     bool plateSet_ = false;
     ClipMasks masks_;
+    MovingBackground moving_;
     std::unique_ptr<PersonKey> key_;
     std::string screen_;
 };
