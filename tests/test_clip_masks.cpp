@@ -131,6 +131,35 @@ TEST(ClipCutter, AWholeClipsColoursTellMore) {
     EXPECT_EQ(std::ranges::count(nobody.mask, 255), 0);
 }
 
+// A network that sees a trunk and one foot, whose landmarks know of the other.
+TEST(PersonShare, FeetWithoutAMaskAreInDoubt) {
+    constexpr int kSize = 256;
+    PersonLandmarks person;
+    person.roi = {{128, 128}, 256, 0};
+    person.mask.assign(size_t(kRoiMaskSide) * kRoiMaskSide, -8);
+    const auto at = [](int x, int y) { return size_t(y) * kSize + size_t(x); };
+    for (int y = 60; y < 230; ++y)
+        for (int x = 100; x < 130; ++x) person.mask[at(x, y)] = 8;
+    for (Landmark& point : person.points) point.picture = {115, 150, 0};
+    person.points[landmark::kLeftAnkle].picture = {110, 210, 0};
+    person.points[landmark::kLeftHeel].picture = {108, 220, 0};
+    person.points[landmark::kLeftFootTip].picture = {125, 222, 0};
+    person.points[landmark::kRightAnkle].picture = {140, 205, 0};
+    person.points[landmark::kRightHeel].picture = {138, 214, 0};
+    person.points[landmark::kRightFootTip].picture = {165, 216, 0};
+    const auto without = personShare(person, kSize, kSize);
+    const auto share = personShareWithFeet(person, kSize, kSize);
+    for (const auto& [x, y] : {std::pair{140, 206}, {139, 214}, {150, 214}, {164, 216}}) {
+        EXPECT_LT(without[at(x, y)], .01);
+        EXPECT_NEAR(share[at(x, y)], .49, 1e-6);
+    }
+    for (const auto& [x, y] : {std::pair{115, 150}, {110, 215}, {180, 216}, {150, 190}, {20, 20}})
+        EXPECT_EQ(share[at(x, y)], without[at(x, y)]) << x << " " << y;
+    // Landmarks may be anywhere.
+    person.points[landmark::kRightFootTip].picture = {1e6, -1e6, 0};
+    EXPECT_EQ(personShareWithFeet(person, kSize, kSize).size(), size_t(kSize) * kSize);
+}
+
 TEST(ClipCutter, ACameraThatStandsStillIsNoticed) {
     HandHeldOptions options;
     options.still = true;

@@ -115,8 +115,8 @@ void takeShare(const fs::path& file, PersonLandmarks& person) {
     }
 }
 
-constexpr size_t kSamples = 12;  // frames in which a screen is looked for
-constexpr size_t kRecentBytes = size_t{96} << 20;
+constexpr size_t kSamples = 12;                    // frames in which a screen is looked for
+constexpr size_t kRecentBytes = size_t{96} << 20;  // of frames that are kept to be cut
 
 // Frames as they are cut, read from disk; those that were asked for last are kept, since frames
 // that follow each other look at the same others. On any thread.
@@ -158,7 +158,7 @@ void cutAll(const Capture& capture, Found& found, const fs::path& shares, bool g
         PersonLandmarks person = *found.track[f];
         takeShare(shares / (capture.frames[f].name + ".png"), person);
         ClipView view{readImage(capture.frames[f].image), {}};
-        view.share = personShare(person, view.rgb.width, view.rgb.height);
+        view.share = personShareWithFeet(person, view.rgb.width, view.rgb.height);
         return view;
     };
     RecentViews views(load);
@@ -386,7 +386,8 @@ Capture readClip(const ImportRequest& request) {
             writeOnce(answers, *frame.mask, mask.data, [&] { writeImage(*frame.mask, mask); });
         }
         quality.frames.push_back(qualityOf(frame.name, *person, picture.width, picture.height));
-        if (!masks) cutter.learn({picture, personShare(*person, picture.width, picture.height)});
+        if (!masks)
+            cutter.learn({picture, personShareWithFeet(*person, picture.width, picture.height)});
         found.pictures.add(std::span<const uint8_t>(picture.data));
         found.pictures.add(std::span<const float>(person->mask));
         const fs::path share = shares / (frame.name + ".png");

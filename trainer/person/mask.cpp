@@ -20,6 +20,10 @@ constexpr double kBlurShare = 1. / 256, kLedShare = 1. / 256, kCellShare = 1. / 
                  kReachShare = 3. / 64;
 constexpr double kLeastPrior = .002;  // shares between this and the rest are decided by colours
 constexpr double kMostFavour = 4;
+constexpr float kContradicts = 3;
+
+constexpr double kFootShare = 1. / 50;  // of the square's side: a foot's half width
+constexpr float kInDoubt = .49f;        // a share
 
 // Means over windows of 2 radius + 1 pixels a side, cut at the picture's border; by running sums.
 std::vector<double> windowMeans(const std::vector<double>& x, int width, int height, int radius) {
@@ -103,6 +107,36 @@ std::vector<float> personShare(const PersonLandmarks& person, int width, int hei
                 b * ((1 - a) * at(u0, v0 + 1) + a * at(u0 + 1, v0 + 1));
         }
     }
+    return share;
+}
+
+std::vector<float> personShareWithFeet(const PersonLandmarks& person, int width, int height) {
+    std::vector<float> share = personShare(person, width, height);
+    using namespace landmark;
+    const double radius = kFootShare * person.roi.side;
+    const auto at = [&](size_t point) {
+        const Point3& p = person.points[point].picture;
+        return glm::dvec2(p[0], p[1]);
+    };
+    using Foot = std::array<size_t, 3>;
+    for (const auto& [ankle, heel, toes] :
+         {Foot{kLeftAnkle, kLeftHeel, kLeftFootTip}, Foot{kRightAnkle, kRightHeel, kRightFootTip}})
+        for (const auto& [a, b] : {std::pair(at(ankle), at(heel)), std::pair(at(heel), at(toes)),
+                                   std::pair(at(toes), at(ankle))}) {
+            // What is longer is no foot.
+            if (!(glm::length(b - a) < person.roi.side / 4)) continue;
+            const glm::dvec2 picture(width, height), none(0);
+            const auto low = glm::clamp(glm::min(a, b) - radius, none, picture),
+                       high = glm::clamp(glm::max(a, b) + radius, none, picture);
+            const double length = std::max(glm::dot(b - a, b - a), 1e-9);
+            for (int y = int(low.y); y < int(high.y); ++y)
+                for (int x = int(low.x); x < int(high.x); ++x) {
+                    const glm::dvec2 p(x + .5, y + .5);
+                    const double along = std::clamp(glm::dot(p - a, b - a) / length, 0., 1.);
+                    float& s = share[size_t(y) * size_t(width) + size_t(x)];
+                    if (glm::length(p - a - along * (b - a)) < radius) s = std::max(s, kInDoubt);
+                }
+        }
     return share;
 }
 
@@ -236,7 +270,7 @@ CutOut ClipMasks::cutOut(const Image& rgb, const std::vector<float>& share, doub
     const Rect rect = rectOf(share, rgb.width, rgb.height, radiusOf(side, kReachShare));
     if (rect.empty()) return {std::vector<uint8_t>(share.size()), 0};
     const Image part = partOf(rgb, rect);
-    const std::vector<float> given = partOf(share, rgb.width, rect);
+    std::vector<float> given = partOf(share, rgb.width, rect);
     std::vector<double> prior(given.begin(), given.end());
     for (int pass = 0; pass < 2; ++pass) prior = windowMeans(prior, part.width, part.height, blur);
     std::vector<float> still;
@@ -245,6 +279,10 @@ CutOut ClipMasks::cutOut(const Image& rgb, const std::vector<float>& share, doub
         std::vector<uint8_t> unsure(prior.size());
         for (size_t i = 0; i < prior.size(); ++i) unsure[i] = isUnsure(prior[i]);
         still = behind(rect, unsure);
+        // Where the network is contradicted, what contradicts it tells whose a colour is.
+        for (size_t i = 0; i < given.size(); ++i)
+            if (std::abs(still[i]) > kContradicts && (given[i] < .5f) == (still[i] > 0))
+                given[i] = 1 / (1 + std::exp(-still[i]));
     }
     const PlaceColours places(rgb, rect, given, radiusOf(side, kCellShare));
     std::vector<float> posterior(given.size());

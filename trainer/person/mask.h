@@ -14,6 +14,9 @@ namespace doppel {
 // outside of it.
 std::vector<float> personShare(const PersonLandmarks& person, int width, int height);
 
+// The same, with its landmarks' feet in doubt where the mask has none: it loses the one behind.
+std::vector<float> personShareWithFeet(const PersonLandmarks& person, int width, int height);
+
 // [H,W], 255 on the person and 0 elsewhere: where the share, after it was led along the picture's
 // edges (He, Sun and Tang, Guided Image Filtering, TPAMI 2013), is at least a half. Islands far
 // smaller than the person are left out.

@@ -272,6 +272,7 @@ std::vector<Match> windowsOf(const Prepared& here, const Prepared& there, const 
         for (int left = about.left; left + kWindow < about.right; left += kWindowStep) {
             if (!here.isFree(left, top, kWindow)) continue;
             const Eigen::Vector2d u = camera({left + kWindow / 2., top + kWindow / 2.});
+            if (!(u.cwiseAbs().maxCoeff() < std::max(here.grey.width, here.grey.height))) continue;
             const std::array<int, 2> start{int(std::lround(u[0])), int(std::lround(u[1]))};
             if (const auto match =
                     findAgain(here.grey, there.grey, left, top, kWindow, start, kWindowReach,

@@ -18,7 +18,7 @@ struct ClipView {
 
 // Pictures of moments at which the person was elsewhere, brought to where the camera looks at
 // another one: by what stands still, place by place, for what is near moves otherwise than what is
-// far. Its size does not depend on the pictures'.
+// far. It holds two kilobytes of each picture at most, of whatever size.
 class MovingBackground {
 public:
     // The clip's pictures by their numbers; called on several threads at a time.
