@@ -20,7 +20,7 @@ constexpr double kBlurShare = 1. / 256, kLedShare = 1. / 256, kCellShare = 1. / 
                  kReachShare = 3. / 64;
 constexpr double kLeastPrior = .002;  // shares between this and the rest are decided by colours
 constexpr double kMostFavour = 4;
-constexpr float kContradicts = 3;
+constexpr float kContradicts = 3;  // a favour, as kMostFavour
 
 constexpr double kFootShare = 1. / 50;  // of the square's side: a foot's half width
 constexpr float kInDoubt = .49f;        // a share

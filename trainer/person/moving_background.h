@@ -10,7 +10,7 @@
 
 namespace doppel {
 
-// A picture of a clip, and personShare() of it.
+// A picture of a clip, and how surely each pixel is the person's (personShare()).
 struct ClipView {
     Image rgb;
     std::vector<float> share;
