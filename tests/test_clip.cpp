@@ -21,7 +21,7 @@
 #include "trainer/import/import.h"
 #include "trainer/motion/synthetic.h"
 #include "trainer/person/body_start.h"
-#include "trainer/person/mask.h"
+#include "trainer/person/masks/mask.h"
 
 namespace doppel {
 namespace {

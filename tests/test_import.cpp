@@ -13,7 +13,7 @@
 #include "trainer/import/import.h"
 #include "trainer/import/masks/chroma_key.h"
 #include "trainer/import/overlay.h"
-#include "trainer/person/mask_tools.h"
+#include "trainer/person/masks/mask_tools.h"
 
 namespace doppel {
 namespace {

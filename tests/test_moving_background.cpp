@@ -6,7 +6,7 @@
 
 #include "tests/op_test.h"
 #include "trainer/data/random.h"
-#include "trainer/person/moving_background.h"
+#include "trainer/person/masks/moving_background.h"
 
 namespace doppel {
 namespace {

@@ -19,7 +19,7 @@
 #include "trainer/import/quality.h"
 #include "trainer/person/body_start.h"
 #include "trainer/person/face.h"
-#include "trainer/person/mask.h"
+#include "trainer/person/masks/mask.h"
 #include "trainer/person/tracker.h"
 
 namespace doppel {

@@ -7,7 +7,7 @@
 #include <queue>
 
 #include "engine/error.h"
-#include "trainer/person/mask_tools.h"
+#include "trainer/person/masks/mask_tools.h"
 
 namespace doppel {
 

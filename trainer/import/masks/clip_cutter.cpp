@@ -5,7 +5,7 @@
 
 #include "engine/error.h"
 #include "trainer/eval/metrics.h"
-#include "trainer/person/mask_tools.h"
+#include "trainer/person/masks/mask_tools.h"
 
 namespace doppel {
 

@@ -10,8 +10,8 @@
 
 #include "trainer/import/masks/chroma_key.h"
 #include "trainer/import/masks/matting.h"
-#include "trainer/person/mask.h"
-#include "trainer/person/moving_background.h"
+#include "trainer/person/masks/mask.h"
+#include "trainer/person/masks/moving_background.h"
 
 namespace doppel {
 

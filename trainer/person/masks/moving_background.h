@@ -6,7 +6,7 @@
 #include <memory>
 #include <vector>
 
-#include "trainer/person/colour_model.h"
+#include "trainer/person/masks/colour_model.h"
 
 namespace doppel {
 

@@ -1,4 +1,4 @@
-#include "trainer/person/moving_background.h"
+#include "trainer/person/masks/moving_background.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -8,7 +8,7 @@
 
 #include "engine/error.h"
 #include "trainer/data/shared_work.h"
-#include "trainer/person/mask_tools.h"
+#include "trainer/person/masks/mask_tools.h"
 
 namespace doppel {
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "trainer/person/blazepose.h"
-#include "trainer/person/colour_model.h"
+#include "trainer/person/masks/colour_model.h"
 
 namespace doppel {
 

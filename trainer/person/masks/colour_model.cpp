@@ -1,4 +1,4 @@
-#include "trainer/person/colour_model.h"
+#include "trainer/person/masks/colour_model.h"
 
 #include <algorithm>
 #include <cmath>

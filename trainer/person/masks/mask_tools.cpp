@@ -1,4 +1,4 @@
-#include "trainer/person/mask_tools.h"
+#include "trainer/person/masks/mask_tools.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "trainer/person/mask.h"
+#include "trainer/person/masks/mask.h"
 
 #include <algorithm>
 #include <cmath>
