@@ -143,7 +143,7 @@ TEST(PersonShare, FeetWithoutAMaskAreInDoubt) {
     for (Landmark& point : person.points) point.picture = {115, 150, 0};
     person.points[landmark::kLeftAnkle].picture = {110, 210, 0};
     person.points[landmark::kLeftHeel].picture = {108, 220, 0};
-    person.points[landmark::kLeftFootTip].picture = {125, 222, 0};
+    person.points[landmark::kLeftFootTip].picture = {128, 222, 0};
     person.points[landmark::kRightAnkle].picture = {140, 205, 0};
     person.points[landmark::kRightHeel].picture = {138, 214, 0};
     person.points[landmark::kRightFootTip].picture = {165, 216, 0};
@@ -155,6 +155,9 @@ TEST(PersonShare, FeetWithoutAMaskAreInDoubt) {
     }
     for (const auto& [x, y] : {std::pair{115, 150}, {110, 215}, {180, 216}, {150, 190}, {20, 20}})
         EXPECT_EQ(share[at(x, y)], without[at(x, y)]) << x << " " << y;
+    // Nor is what lies beside a foot that the mask has.
+    EXPECT_LT(without[at(131, 222)], .2);
+    EXPECT_EQ(share[at(131, 222)], without[at(131, 222)]);
     // Landmarks may be anywhere.
     person.points[landmark::kRightFootTip].picture = {1e6, -1e6, 0};
     EXPECT_EQ(personShareWithFeet(person, kSize, kSize).size(), size_t(kSize) * kSize);

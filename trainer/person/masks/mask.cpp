@@ -24,6 +24,8 @@ constexpr float kContradicts = 3;  // a favour, as kMostFavour
 
 constexpr double kFootShare = 1. / 50;  // of the square's side: a foot's half width
 constexpr float kInDoubt = .49f;        // a share
+// Of the line from heel to toes, what lies in the mask of a foot that the network has seen.
+constexpr double kFootSeen = .9;
 
 // Means over windows of 2 radius + 1 pixels a side, cut at the picture's border; by running sums.
 std::vector<double> windowMeans(const std::vector<double>& x, int width, int height, int radius) {
@@ -118,9 +120,23 @@ std::vector<float> personShareWithFeet(const PersonLandmarks& person, int width,
         const Point3& p = person.points[point].picture;
         return glm::dvec2(p[0], p[1]);
     };
+    const auto isSeen = [&](const glm::dvec2& heel, const glm::dvec2& toes) {
+        constexpr int kPoints = 20;
+        int inPicture = 0, seen = 0;
+        for (int k = 0; k <= kPoints; ++k) {
+            const glm::dvec2 p = glm::floor(glm::mix(heel, toes, double(k) / kPoints));
+            if (!(p.x >= 0 && p.y >= 0 && p.x < width && p.y < height)) continue;
+            ++inPicture;
+            seen += share[size_t(p.y) * size_t(width) + size_t(p.x)] >= .5f;
+        }
+        return seen >= kFootSeen * inPicture;
+    };
     using Foot = std::array<size_t, 3>;
-    for (const auto& [ankle, heel, toes] :
-         {Foot{kLeftAnkle, kLeftHeel, kLeftFootTip}, Foot{kRightAnkle, kRightHeel, kRightFootTip}})
+    for (const auto& [ankle, heel, toes] : {Foot{kLeftAnkle, kLeftHeel, kLeftFootTip},
+                                            Foot{kRightAnkle, kRightHeel, kRightFootTip}}) {
+        // The outline of a foot that was seen is better than that of a line as thick as a foot,
+        // which holds the shadow beside a heel.
+        if (isSeen(at(heel), at(toes))) continue;
         for (const auto& [a, b] : {std::pair(at(ankle), at(heel)), std::pair(at(heel), at(toes)),
                                    std::pair(at(toes), at(ankle))}) {
             // What is longer is no foot.
@@ -137,6 +153,7 @@ std::vector<float> personShareWithFeet(const PersonLandmarks& person, int width,
                     if (glm::length(p - a - along * (b - a)) < radius) s = std::max(s, kInDoubt);
                 }
         }
+    }
     return share;
 }
 

@@ -14,7 +14,8 @@ namespace doppel {
 // outside of it.
 std::vector<float> personShare(const PersonLandmarks& person, int width, int height);
 
-// The same, with its landmarks' feet in doubt where the mask has none: it loses the one behind.
+// The same, with its landmarks' feet in doubt where the mask does not have them: it loses the one
+// behind.
 std::vector<float> personShareWithFeet(const PersonLandmarks& person, int width, int height);
 
 // [H,W], 255 on the person and 0 elsewhere: where the share, after it was led along the picture's
