@@ -346,44 +346,61 @@ TEST(SurfaceRender, PixelsTeachTheTextureWhatTheyMay) {
     checkOp("surface_render", test);
 }
 
-// A plane that turns away from the camera: what a pixel teaches is weighted by the cosine of its
-// own ray, the vertices' gradient by nothing.
+// A plane that turns away from the camera: what a pixel teaches is weighted by a power of the
+// cosine of its own ray with given normals, which turn from place to place, or with the plane's,
+// and the vertices' gradient by nothing.
 TEST(SurfaceRender, WhoSeesAPlaceAskewTeachesLess) {
     constexpr int64_t kSize = 24;
-    constexpr double kPower = 3;
     OpCase test = twoBalls(3, kSize, kSize, 1, true);
-    // z = 3 + 1.5 x: its normal is (-1.5, 0, 1) / sqrt(3.25).
+    // z = 3 + 1.5 x.
     test.inputs["verts"] = {{4, 3}, {-1, -1, 1.5, 1, -1, 4.5, 1, 1, 4.5, -1, 1, 1.5}};
     test.integers["faces"] = indices({2, 3}, {0, 2, 1, 0, 3, 2});
     test.inputs["uvs"] = {{4, 2}, {.1, .1, .9, .1, .9, .9, .1, .9}};
     test.integers["faces_uv"] = test.integers["faces"];
     test.attributes["cx"] = test.attributes["cy"] = kSize / 2;
-    auto run = [&](bool turned) {
+    const auto normalAt = [](double x, double y, bool given) {
+        return given ? std::array{1.5 + .4 * x, .3 * y, -1.} : std::array{1.5, 0., -1.};
+    };
+    const auto powerAt = [](double x, double y) { return 2 + x + .5 * y; };
+    auto run = [&](bool turned, bool given) {
         Npz arrays = arraysOf(test);
         Value dImage = random({kSize, kSize, 3}, 4);
-        if (turned)
-            arrays.set("attr_facing", Array::scalarF64(kPower));
-        else
+        if (turned) {
+            std::vector<double> facing;
+            const std::vector<double>& verts = test.inputs["verts"].data;
+            for (size_t v = 0; v < verts.size(); v += 3) {
+                for (double n : normalAt(verts[v], verts[v + 1], given))
+                    facing.push_back(given ? n : 0);
+                facing.push_back(powerAt(verts[v], verts[v + 1]));
+            }
+            arrays.set("facing", Array::f64({4, 4}, facing));
+        } else {
             for (size_t i = 0; i < dImage.data.size(); ++i) {
                 const double x = (double(i / 3 % kSize) + .5 - kSize / 2.) / kSize;
                 const double y = (double(i / 3 / kSize) + .5 - kSize / 2.) / kSize;
+                const double z = 3 / (1 - 1.5 * x);
+                const auto [nx, ny, nz] = normalAt(x * z, y * z, given);
                 const double cosine =
-                    std::abs(-1.5 * x + 1) / std::sqrt(3.25 * (x * x + y * y + 1));
-                dImage.data[i] *= std::pow(cosine, kPower);
+                    -(nx * x + ny * y + nz) /
+                    std::sqrt((nx * nx + ny * ny + nz * nz) * (x * x + y * y + 1));
+                dImage.data[i] *= std::pow(std::abs(cosine), powerAt(x * z, y * z));
             }
+        }
         arrays.set("grad_image", Array::f64(dImage.shape, dImage.data));
         return Op::find("surface_render")->run(testDevice(), arrays, {});
     };
-    const Npz turned = run(true), scaled = run(false);
-    const std::vector<float> a = turned.at("grad_texture").toF32();
-    const std::vector<float> b = scaled.at("grad_texture").toF32();
-    double most = 0;
-    for (size_t i = 0; i < a.size(); ++i) {
-        EXPECT_NEAR(a[i], b[i], 1e-4);
-        most = std::max(most, std::abs(double{a[i]}));
+    for (bool given : {true, false}) {
+        const Npz turned = run(true, given), scaled = run(false, given);
+        const std::vector<float> a = turned.at("grad_texture").toF32();
+        const std::vector<float> b = scaled.at("grad_texture").toF32();
+        double most = 0;
+        for (size_t i = 0; i < a.size(); ++i) {
+            EXPECT_NEAR(a[i], b[i], 1e-4);
+            most = std::max(most, std::abs(double{a[i]}));
+        }
+        EXPECT_GT(most, .1);
+        EXPECT_NE(turned.at("grad_verts").toF32(), scaled.at("grad_verts").toF32());
     }
-    EXPECT_GT(most, .1);
-    EXPECT_NE(turned.at("grad_verts").toF32(), scaled.at("grad_verts").toF32());
 }
 
 TEST(SurfaceRender, ATextureNeedsItsAtlasAndBackground) {

@@ -1,7 +1,5 @@
 #include "nn/ops/surface.h"
 
-#include <bit>
-
 #include "nn/core/op.h"
 
 namespace doppel {
@@ -32,6 +30,10 @@ SurfaceRender surfaceRender(Graph& graph, const RasterMesh& mesh, const Tensor& 
     if (taught)
         CHECK(look->teaches.shape == (Shape{height, width}), "a pixel of [{},{}] teaches", height,
               width);
+    const bool faced = coloured && look->facing;
+    if (faced)
+        CHECK(look->facing.shape == (Shape{verts.dim(0), 4}),
+              "each of {} vertices has a normal and a power", verts.dim(0));
     SurfaceRender result{coloured ? graph.temporary({height, width, 3}) : Tensor(),
                          graph.temporary({height, width})};
     const Tensor image = coloured ? result.image : none, alpha = result.alpha;
@@ -45,7 +47,7 @@ SurfaceRender surfaceRender(Graph& graph, const RasterMesh& mesh, const Tensor& 
                               {"coloured", coloured ? 1u : 0u}};
     Specialisation blend = spec;
     blend["taught"] = taught;
-    if (coloured) blend["facing"] = std::bit_cast<uint32_t>(look->facing);
+    blend["faced"] = faced;
     const auto samples = static_cast<uint64_t>(rows * columns);
     graph.beginOp("surface_render");
     graph.dispatch("raster/surface_blend.forward",
@@ -58,7 +60,7 @@ SurfaceRender surfaceRender(Graph& graph, const RasterMesh& mesh, const Tensor& 
 
     std::vector<Tensor> inputs{verts}, outputs{alpha};
     if (coloured) inputs.push_back(colours), outputs.push_back(image);
-    const SurfaceLook look_ = coloured ? *look : SurfaceLook{{none, none}, none, none, {}};
+    const SurfaceLook look_ = coloured ? *look : SurfaceLook{{none, none}, none, none};
     graph.differentiate(inputs, outputs, [=, &graph] {
         const Tensor dImage = coloured ? graph.gradient(image) : none;
         if (coloured && graph.wantsGradient(colours))
@@ -69,6 +71,7 @@ SurfaceRender surfaceRender(Graph& graph, const RasterMesh& mesh, const Tensor& 
                             {"surface", seen.surface},
                             {"faces", mesh.faceVertices},
                             {"verts", verts},
+                            {"facing", faced ? look_.facing : none},
                             {"dColours", graph.gradientTarget(colours)}},
                            params, samples, blend);
         if (!graph.wantsGradient(verts)) return;
@@ -127,8 +130,8 @@ SurfaceRender surfaceRender(Graph& graph, const RasterMesh& mesh, const Tensor& 
 static const Op kSurfaceRender{{
     .name = "surface_render",
     .inputs = "verts[V,3] faces:i32[F,3] uvs[T,2]? faces_uv:i32[F,3]? texture[Ht,Wt,3]? "
-              "background[H,W,3]? teaches[H,W]?",
-    .attributes = "fx fy cx cy width height samples=1 edge_jump=0.03 large_box=1024 facing=0",
+              "background[H,W,3]? teaches[H,W]? facing[V,4]?",
+    .attributes = "fx fy cx cy width height samples=1 edge_jump=0.03 large_box=1024",
     .outputs = "alpha image",
     .differentiable = "verts texture",
     .build =
@@ -142,9 +145,7 @@ static const Op kSurfaceRender{{
                 for (const char* name : {"uvs", "faces_uv", "background"})
                     if (!c[name]) throwInput("{}: expected beside a texture, found none", name);
                 look = {rasterAtlas(c.graph, c["uvs"], c.ints("faces_uv")), c["texture"],
-                        c["background"], c["teaches"], c.f("facing")};
-                if (!(look.facing >= 0 && look.facing <= 100))
-                    throwInput("attr_facing: expected a power of 0 to 100, found {}", look.facing);
+                        c["background"], c["teaches"], c["facing"]};
             }
             SurfaceRender drawn =
                 surfaceRender(c.graph, mesh, c["verts"], camera, coloured ? &look : nullptr,

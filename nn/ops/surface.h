@@ -18,9 +18,10 @@ struct SurfaceLook {
     // [H,W] The part of a pixel's gradient that reaches the texture; empty: all of it. Where a
     // picture shows the background, that the surface is there is wrong, and not its colour.
     Tensor teaches = {};
-    // Power of the cosine between face and camera with which a sample's gradient reaches the
-    // texture.
-    float facing = 0;
+    // [V,4] With what power, 0 or more, of the cosine between a normal and the way to the camera a
+    // sample's gradient reaches the texture: x, y, z of the normal (outwards, of any length; zeros:
+    // that of the face), the power; linear within a face. Empty: all of it does.
+    Tensor facing = {};
 };
 
 struct SurfaceOptions {

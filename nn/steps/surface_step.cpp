@@ -97,8 +97,8 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
     Tensor beta = graph.constant(std::span<const float>(start.betas), {10});
     Tensor own = start.movesOffsets ? graph.parameter(offsets, "offsets")
                                     : graph.constant(std::span<const float>(start.offsets), {V, 3});
-    Tensor rest =
-        add(graph, own, graph.constant(std::span<const float>(body.templateVertices), {V, 3}));
+    Tensor bare = graph.constant(std::span<const float>(body.templateVertices), {V, 3});
+    Tensor rest = add(graph, own, bare);
     SurfaceLook look;
     if (coloured) {
         Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
@@ -138,6 +138,23 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
         return PyramidWeights{static_cast<float>(a), static_cast<float>(b), static_cast<float>(c),
                               static_cast<float>(d)};
     };
+    // How places face the camera. Where poses are off, surfaces crease, and sides of a crease would
+    // learn from other views than the skin around them does: a face for which facing is to count
+    // more than elsewhere looks where that of the bare body does.
+    Tensor powers, isFace;
+    if (movesTexels && preset.facingFace > preset.facing) {
+        std::vector<float> power, share;
+        for (uint8_t face : body.face) {
+            power.push_back(static_cast<float>(face ? preset.facingFace : preset.facing));
+            share.insert(share.end(), 3, face ? 1.0f : 0.0f);
+        }
+        powers = graph.constant(std::span<const float>(power), {V, 1});
+        isFace = graph.constant(std::span<const float>(share), {V, 3});
+    } else if (coloured && preset.facing > 0) {
+        std::vector<float> rows(static_cast<size_t>(4 * V));
+        for (size_t i = 3; i < rows.size(); i += 4) rows[i] = static_cast<float>(preset.facing);
+        look.facing = graph.constant(std::span<const float>(rows), {V, 4});
+    }
     const SurfaceOptions drawing{.samples = preset.samples};
     for (int i = 0; i < preset.batch; ++i)
         poseSteps.push_back(graph.input({sizeof(StepParams) / 4}, ElementType::I32));
@@ -159,7 +176,11 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
             sample.background = graph.input({size, size, 3});
             look.background = sample.background;
             look.teaches = sample.mask;
-            look.facing = static_cast<float>(preset.facing);
+            if (isFace) {
+                Tensor skinned = lbs(graph, skin, bare, pose.theta, beta, pose.trans).verts;
+                look.facing = concat(
+                    graph, multiply(graph, isFace, vertexNormals(graph, skinned, mesh)), powers);
+            }
             Tensor gain;
             if (movesGains) {
                 gainRows.push_back(selectRow(graph, gainTable, poseStep, kFrameWord));
