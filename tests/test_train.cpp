@@ -171,6 +171,39 @@ TEST(Train, LearnsASurfaceBeyondTheModel) {
               restJoints(plain, std::vector<double>(10)));
 }
 
+TEST(Train, FacesAreTaughtByWhoIsBeforeThem) {
+    test::Folder folder;
+    const Capture capture = tinyCapture(folder.path() / "capture");
+    const auto texelsWith = [&](double facingFace) {
+        Avatar avatar;
+        avatar.bodyArrays = readBodyArrays("default");
+        avatar.body = bodyFromNpz(avatar.bodyArrays);
+        avatar.preset = tinyPreset();
+        avatar.preset.texels.steps = 2;
+        avatar.preset.texels.lrLight = avatar.preset.texels.lrGain = 0;
+        avatar.preset.texels.facing = 0;
+        avatar.preset.texels.facingFace = facingFace;
+        TrainSettings settings;
+        settings.out = folder.path() / fmt::format("{}", facingFace);
+        settings.pictureSeconds = 0;
+        settings.stages = {"texels"};
+        return trainAvatar(testDevice(), std::move(avatar), capture, settings).avatar;
+    };
+    const Avatar alike = texelsWith(0), faced = texelsWith(4);
+    const std::vector<TexelPlace> places = texelPlaces(alike.body, alike.textureSize);
+    std::array<double, 2> changed{}, all{};  // elsewhere, on the face
+    for (size_t i = 0; i < places.size(); ++i) {
+        if (places[i].face < 0) continue;
+        const size_t corner = 3 * static_cast<size_t>(places[i].face);
+        const size_t face = alike.body.face[static_cast<size_t>(alike.body.faces[corner])];
+        ++all[face];
+        changed[face] +=
+            !std::equal(&alike.texels[3 * i], &alike.texels[3 * i] + 3, &faced.texels[3 * i]);
+    }
+    EXPECT_GT(changed[1], .1 * all[1]);
+    EXPECT_LT(changed[0], .05 * all[0]);  // at its border
+}
+
 // One picture from the front: her back is told by the cast, and it is another avatar than without.
 TEST(Train, KnownPeopleTellWhatOnePictureDoesNotShow) {
     test::Folder folder;
