@@ -158,8 +158,8 @@ Preset presetByName(std::string_view name) {
         preset.texels.stayTexels = 16;
         // Where poses are off, surfaces crease, and a crease's sides face other views than the skin
         // around them does: whoever sees a place best would paint streaks. Eyes and mouths that
-        // views have in other places become one where the best view decides, and a face's creases
-        // are known.
+        // views have in other places become one where the best view decides; on a face that is
+        // told by the bare body, which has no creases.
         preset.texels.facing = 0;
         preset.texels.facingFace = 4;
         preset.texels.rim = 4;
