@@ -315,15 +315,21 @@ std::vector<float> clampBounds(const BodyModel& body, ClampBounds source) {
     return result;
 }
 
-std::vector<float> surfaceStiffness(const BodyModel& body, double hands) {
+std::vector<float> handShares(const BodyModel& body) {
     std::vector<float> result;
     for (size_t v = 0; v < static_cast<size_t>(body.vertexCount); ++v) {
-        double held = 0;  // by the bones of a hand
+        float held = 0;
         for (size_t j :
              {joint::kLeftWrist, joint::kRightWrist, joint::kLeftHand, joint::kRightHand})
-            held += static_cast<double>(body.weights[kJointCount * v + j]);
-        result.push_back(static_cast<float>(1 + (hands - 1) * std::min(held, 1.0)));
+            held += body.weights[kJointCount * v + j];
+        result.push_back(std::min(held, 1.f));
     }
+    return result;
+}
+
+std::vector<float> surfaceStiffness(const BodyModel& body, double hands) {
+    std::vector<float> result = handShares(body);
+    for (float& value : result) value = static_cast<float>(1 + (hands - 1) * double{value});
     return result;
 }
 

@@ -349,6 +349,59 @@ Tensor rigidTransform(Graph& graph, const Tensor& verts, const Tensor& rotation,
     return y;
 }
 
+FingerTensors fingerTensors(Graph& graph, const FingerRig& rig) {
+    CHECK(!rig.empty(), "a rig has fingers");
+    const auto fingers = static_cast<int64_t>(rig.amounts.size()) / kFingerTurns;
+    const auto entries = static_cast<int64_t>(rig.fingers.size());
+    return {static_cast<int64_t>(rig.begin.size()) - 1,
+            graph.constant(rig.turns, {fingers, kFingerTurns, FingerRig::kTurnNumbers}),
+            graph.constant(rig.amounts, {fingers, kFingerTurns}),
+            listConstant(graph, rig.begin),
+            listConstant(graph, rig.fingers),
+            graph.constant(rig.entries, {entries, FingerRig::kEntryNumbers})};
+}
+
+Tensor bendFingers(Graph& graph, const Tensor& verts, const Tensor& amounts,
+                   const FingerTensors& rig) {
+    static_assert(kFingerTurns == FingerRig::kTurns);
+    CHECK(verts.shape == Shape({rig.vertexCount, 3}), "the vertices are the rig's {}",
+          rig.vertexCount);
+    const BendFingersParams params{u32(rig.vertexCount), u32(amounts.elements())};
+    Tensor y = graph.temporary(verts.shape);
+    graph.beginOp("bend_fingers");
+    graph.dispatch("body/bend_fingers.forward",
+                   {{"verts", verts},
+                    {"amounts", amounts},
+                    {"turns", rig.turns},
+                    {"turnAmount", rig.amounts},
+                    {"begin", rig.begin},
+                    {"fingers", rig.fingers},
+                    {"entries", rig.entries},
+                    {"y", y}},
+                   params, params.vertices);
+    graph.differentiate({verts, amounts}, {y}, [=, &graph] {
+        Tensor terms = graph.temporary({params.vertices, params.amounts});
+        Tensor dverts =
+            graph.wantsGradient(verts) ? graph.gradientTarget(verts) : graph.temporary(verts.shape);
+        graph.dispatch("body/bend_fingers.backward",
+                       {{"verts", verts},
+                        {"amounts", amounts},
+                        {"turns", rig.turns},
+                        {"turnAmount", rig.amounts},
+                        {"begin", rig.begin},
+                        {"fingers", rig.fingers},
+                        {"entries", rig.entries},
+                        {"dy", graph.gradient(y)},
+                        {"dverts", dverts},
+                        {"terms", terms}},
+                       params, params.vertices);
+        if (graph.wantsGradient(amounts))
+            sumAxis(graph, terms, 1, params.vertices, params.amounts,
+                    graph.gradientTarget(amounts));
+    });
+    return y;
+}
+
 static const Op kLbs{{
     .name = "lbs",
     .inputs = "template[V,3] shapedirs[V,3,10] weights[V,24] joint_regressor[24,V] parents:i32[24] "
@@ -379,6 +432,36 @@ static const Op kLbs{{
             PosedBody posed = lbs(c.graph, model, c["template"], c["theta"], c["beta"], c["trans"]);
             c.result("verts", posed.verts);
             c.result("joints", posed.joints);
+        },
+}};
+
+static const Op kBendFingers{{
+    .name = "bend_fingers",
+    .inputs = "verts[V,3] amounts[A] turns[F,4,7] turn_amounts:i32[F,4] begin:i32[B] "
+              "fingers:i32[E] entries[E,5]",
+    .outputs = "y",
+    .differentiable = "verts amounts",
+    .build =
+        [](OpCall& c) {
+            const int64_t V = c["verts"].dim(0), E = c["fingers"].dim(0);
+            const auto within = [](const std::vector<int32_t>& values, int64_t end,
+                                   const char* what) {
+                for (const int32_t value : values)
+                    if (value < 0 || value >= end)
+                        throwInput("bend_fingers: {} has {}; expected 0 to {}", what, value,
+                                   end - 1);
+            };
+            const std::vector<int32_t> begin = c.ints("begin");
+            within(begin, E + 1, "begin");
+            if (c["begin"].dim(0) != V + 1 || begin.front() != 0 || begin.back() != E ||
+                !std::ranges::is_sorted(begin))
+                throwInput("bend_fingers: begin: expected {} numbers that rise from 0 to {}", V + 1,
+                           E);
+            within(c.ints("fingers"), c["turns"].dim(0), "fingers");
+            within(c.ints("turn_amounts"), c["amounts"].dim(0), "turn_amounts");
+            c.result("y", bendFingers(c.graph, c["verts"], c["amounts"],
+                                      {V, c["turns"], c["turn_amounts"], c["begin"], c["fingers"],
+                                       c["entries"]}));
         },
 }};
 

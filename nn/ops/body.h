@@ -11,6 +11,7 @@
 #include <span>
 
 #include "nn/body/body.h"
+#include "nn/body/fingers.h"
 #include "nn/core/graph.h"
 #include "nn/core/rows.h"
 
@@ -58,5 +59,19 @@ PosedBody poseBody(Graph& graph, const LbsModel& model, const ShapedBody& shaped
 // With rows: these alone, and no gradient.
 Tensor rigidTransform(Graph& graph, const Tensor& verts, const Tensor& rotation,
                       const Tensor& pivot, const Tensor& trans, const ListedRows& rows = {});
+
+// What bendFingers()'s kernels read: constants of one graph.
+struct FingerTensors {
+    int64_t vertexCount = 0;
+    Tensor turns, amounts;           // [F,4,7], [F,4]
+    Tensor begin, fingers, entries;  // [V+1], [E], [E,5]
+};
+// Of a rig that is not empty.
+FingerTensors fingerTensors(Graph& graph, const FingerRig& rig);
+
+// verts [V,3] m with fingers bent by amounts [A] (nn/body/fingers.h, whose formula this is).
+// Gradients to both.
+Tensor bendFingers(Graph& graph, const Tensor& verts, const Tensor& amounts,
+                   const FingerTensors& rig);
 
 }  // namespace doppel

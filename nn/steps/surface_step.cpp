@@ -31,6 +31,8 @@ constexpr float kLeastFace = .25f;
 // Hair and cloth grow where the paper lets vertices move, so faces turn there for good reasons; on
 // face, hands and soles, where K(v) is 0, they do not.
 constexpr float kMovingFaces = .3f;
+// Bones end where hands are clenched, or bent back (HandAmounts).
+constexpr float kLeastHand = -.25f, kMostHand = 1.5f;
 
 // Of each face [F]: its part of the area of the surface verts [V,3], times kMovingFaces but where
 // K(v) holds a corner.
@@ -59,7 +61,9 @@ std::vector<float> foldWeights(const BodyModel& body, const std::vector<float>& 
 
 SurfaceState::SurfaceState(Device& device, const BodyModel& body, SurfaceStart first,
                            const SurfacePreset& preset)
-    : start(std::move(first)), transScale(static_cast<float>(preset.lrTrans / preset.lrTheta)) {
+    : start(std::move(first)),
+      transScale(static_cast<float>(preset.lrTrans / preset.lrTheta)),
+      bare(body.templateVertices) {
     const auto frames = static_cast<int64_t>(start.poses.size()) / kPoseRow;
     const int64_t V = body.vertexCount, texture = start.textureSize;
     if (start.offsets.empty()) start.offsets.resize(static_cast<size_t>(3 * V));
@@ -73,7 +77,13 @@ SurfaceState::SurfaceState(Device& device, const BodyModel& body, SurfaceStart f
     }
     if (!start.texels.empty() && preset.lrGain > 0)
         gains.add("gains", {frames, 3}, std::vector<float>(static_cast<size_t>(3 * frames)));
-    for (Parameters* parameters : {&corrections, &offsets, &texels, &light, &gains})
+    if (start.movesOffsets && preset.lrHands > 0) {
+        BodyModel worn = body;
+        worn.offsets = start.offsets;
+        fingers = fingerRig(worn);
+        if (!fingers.empty()) hands.add("hands", {4}, std::vector<float>(HandAmounts().size()));
+    }
+    for (Parameters* parameters : {&corrections, &offsets, &texels, &light, &gains, &hands})
         if (!parameters->entries().empty()) parameters->allocate(device);
 }
 
@@ -89,6 +99,7 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
     const bool movesTexels = coloured && start.movesTexels;
     const bool movesLight = !state.light.entries().empty();
     const bool movesGains = !state.gains.entries().empty();
+    const bool movesHands = !state.hands.entries().empty();
 
     // What all frames share.
     MeshTensors mesh = meshTensors(graph, meshTopology(body.faces, V, body.file));
@@ -98,7 +109,15 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
     Tensor own = start.movesOffsets ? graph.parameter(offsets, "offsets")
                                     : graph.constant(std::span<const float>(start.offsets), {V, 3});
     Tensor bare = graph.constant(std::span<const float>(body.templateVertices), {V, 3});
-    Tensor rest = add(graph, own, bare);
+    const Tensor straight = add(graph, own, bare);
+    Tensor rest = straight;
+    if (movesHands)
+        rest = bendFingers(graph, straight,
+                           clamp(graph,
+                                 add(graph, graph.parameter(state.hands, "hands"),
+                                     graph.constant(std::span<const float>(start.hands), {4})),
+                                 kLeastHand, kMostHand),
+                           fingerTensors(graph, state.fingers));
     SurfaceLook look;
     if (coloured) {
         Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
@@ -210,16 +229,22 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
         samples.push_back(sample);
     }
     if (start.movesOffsets) {
-        losses.term("offsets", 1,
-                    offsetPenalty(
-                        graph, own, graph.constant(surfaceStiffness(body, preset.hands), {V}), mesh,
-                        static_cast<float>(preset.stay), static_cast<float>(preset.smooth)));
+        // A hand that was bent before is as stiff as a flat one.
+        std::vector<float> before = start.offsets;
+        const std::vector<float> shares = handShares(body);
+        for (size_t i = 0; i < before.size(); ++i) before[i] *= -shares[i / 3];
+        losses.term(
+            "offsets", 1,
+            offsetPenalty(graph,
+                          add(graph, own, graph.constant(std::span<const float>(before), {V, 3})),
+                          graph.constant(surfaceStiffness(body, preset.hands), {V}), mesh,
+                          static_cast<float>(preset.stay), static_cast<float>(preset.smooth)));
         if (preset.folds > 0) {
             std::vector<float> first = body.templateVertices;
             std::ranges::transform(first, start.offsets, first.begin(), std::plus());
             losses.term(
                 "folds", preset.folds,
-                foldPenalty(graph, rest, graph.constant(std::span<const float>(first), {V, 3}),
+                foldPenalty(graph, straight, graph.constant(std::span<const float>(first), {V, 3}),
                             graph.constant(foldWeights(body, first), {body.faceCount}), mesh,
                             kLeastFace));
         }
@@ -260,6 +285,7 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
             },
             withRate(kSurfaceOptimiser, preset.lrOffsets));
     }
+    if (movesHands) adamwStep(graph, state.hands, withRate(kHandOptimiser, preset.lrHands));
     if (movesTexels) adamwStep(graph, texels, withRate(kSurfaceOptimiser, preset.lrTexels));
     if (movesLight) adamwStep(graph, state.light, withRate(kLightOptimiser, preset.lrLight));
     graph.step();  // is written whether offsets or texels move or not
@@ -271,8 +297,22 @@ std::vector<float> SurfaceState::poses() const {
                           transScale);
 }
 
+HandAmounts SurfaceState::handValues() const {
+    HandAmounts amounts = start.hands;
+    if (hands.entries().empty()) return amounts;
+    const std::vector<float> moved = hands.read(*hands.find("hands"));
+    for (size_t i = 0; i < amounts.size(); ++i)
+        amounts[i] = std::clamp(amounts[i] + moved[i], kLeastHand, kMostHand);
+    return amounts;
+}
+
 std::vector<float> SurfaceState::offsetValues() const {
-    return offsets.read(*offsets.find("offsets"));
+    std::vector<float> values = offsets.read(*offsets.find("offsets"));
+    if (hands.entries().empty()) return values;
+    std::ranges::transform(values, bare, values.begin(), std::plus());
+    values = bentFingers(fingers, values, handValues());
+    std::ranges::transform(values, bare, values.begin(), std::minus());
+    return values;
 }
 
 std::vector<float> SurfaceState::lightValues() const {

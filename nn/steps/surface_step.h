@@ -6,13 +6,15 @@
 // with L_s and L_c the pyramid losses of alpha and of the colours over the background, per pixel of
 // the person (nn/ops/loss.h), drawn so that edges pull (nn/ops/surface.h). The offsets [V,3] move
 // the rest pose before skinning; they take smoothed steps (Nicolet, Jacobson, Jakob, Large Steps in
-// Inverse Rendering of Geometry, ACM ToG 2021). The mesh network has no part in it.
+// Inverse Rendering of Geometry, ACM ToG 2021), and fingers bend with them, as far as all of a hand
+// is curled and closed (nn/body/fingers.h). The mesh network has no part in it.
 #pragma once
 
 #include <array>
 #include <vector>
 
 #include "nn/body/body.h"
+#include "nn/body/fingers.h"
 #include "nn/core/numbers.h"
 #include "nn/ops/optim.h"
 #include "nn/ops/surface.h"
@@ -34,6 +36,9 @@ namespace doppel {
     NUMBER(double, lrOffsets, .04, 0, 10,                                                        \
            "m per step of the vertex that moves most, before it "                                \
            "is smoothed")                                                                        \
+    NUMBER(double, lrHands, 0, 0, 10,                                                            \
+           "of 1, per step, of how far hands are curled and closed; 0: as they are")             \
+    NUMBER(double, ease, 0, 0, 1, "where they begin: 0 flat and spread, 1 half closed")          \
     NUMBER(double, lrTexels, .015, 0, 10, "of 1, per step and texel")                            \
     NUMBER(double, lrLight, 0, 0, 10, "of 1, per step, of the capture's light; 0: none learned") \
     NUMBER(double, lrGain, 0, 0, 10,                                                             \
@@ -80,6 +85,7 @@ struct SurfaceStart {
     std::vector<float> texels;   // [size,size,3]; empty: silhouettes alone
     int textureSize = 0;
     std::vector<float> light;  // L [8,3] (nn/steps/light.h); empty: none, or none yet
+    HandAmounts hands{};       // from where they bend
     bool movesPoses = true, movesOffsets = true, movesTexels = true;
     bool video = false;  // neighbouring frames tell about each other
 };
@@ -89,6 +95,8 @@ inline constexpr AdamWOptions kSurfaceOptimiser{.beta1 = .9f, .beta2 = .99f, .we
 inline constexpr AdamWOptions kPoseOptimiser{.beta1 = .9f, .beta2 = .97f, .weightDecay = 0};
 // What no frame tells of the light is zero: people who do not turn show it from one side.
 inline constexpr AdamWOptions kLightOptimiser{.beta1 = .9f, .beta2 = .99f, .weightDecay = .1f};
+// Hands that no frame tells of stay where they begin.
+inline constexpr AdamWOptions kHandOptimiser{.beta1 = .9f, .beta2 = .99f, .weightDecay = .1f};
 // How bright all frames are together, the texels say. The steps of poses are the gains' steps, so
 // their memories are as long.
 inline constexpr AdamWOptions kGainOptimiser{.beta1 = .9f, .beta2 = .97f, .weightDecay = .1f};
@@ -100,14 +108,19 @@ struct SurfaceState {
     // texels [size,size,3]: what their mean over neighbours (nn/ops/texture.h) adds to those at the
     // start, for a picture tells nothing finer.
     Parameters corrections, offsets, texels;
-    Parameters light, gains;  // of nothing unless they are learned; gains less one [frames,3]
+    // Of nothing unless they are learned; gains less one [frames,3].
+    Parameters light, gains;
+    Parameters hands;  // what is added to the start's
+    FingerRig fingers;
+    std::vector<float> bare;  // [V,3] the model's template
 
     SurfaceState(Device& device, const BodyModel& body, SurfaceStart start,
                  const SurfacePreset& preset);
 
     // As they are by now.
-    std::vector<float> poses() const;         // [frames, kPoseRow]
-    std::vector<float> offsetValues() const;  // [V,3]
+    std::vector<float> poses() const;  // [frames, kPoseRow]
+    HandAmounts handValues() const;
+    std::vector<float> offsetValues() const;  // [V,3], hands bent
     std::vector<float> texelValues() const;   // [size,size,3] in [0,1]
     std::vector<float> lightValues() const;   // [8,3], or empty
     std::vector<float> gainValues() const;    // [frames,3], or empty

@@ -5,6 +5,7 @@
 #include <numeric>
 #include <optional>
 
+#include "nn/body/fingers.h"
 #include "nn/body/joint.h"
 #include "nn/body/mesh_topology.h"
 #include "nn/body/texel_places.h"
@@ -239,6 +240,18 @@ void addOps() {
               {"trans", {3}, standingTrans}}});
     addCase(
         {"rigid_transform", "body", {verts, {"rotation", {3}}, {"pivot", {3}}, {"trans", {3}}}});
+    static const FingerRig fingers = fingerRig(body);
+    const auto bent = static_cast<int64_t>(fingers.amounts.size()) / FingerRig::kTurns;
+    const auto moved = static_cast<int64_t>(fingers.fingers.size());
+    addCase({"bend_fingers",
+             "body",
+             {verts,
+              {"amounts", {4}},
+              {"turns", {bent, FingerRig::kTurns, 7}, [] { return fingers.turns; }},
+              {"turn_amounts", {bent, FingerRig::kTurns}, {}, [] { return fingers.amounts; }},
+              {"begin", {V + 1}, {}, [] { return fingers.begin; }},
+              {"fingers", {moved}, {}, [] { return fingers.fingers; }},
+              {"entries", {moved, FingerRig::kEntryNumbers}, [] { return fingers.entries; }}}});
     CHECK(body.vertexCount == V, "one body");
 
     // ---- rasterizers ------------------------------------------------------------------------

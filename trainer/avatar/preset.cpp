@@ -124,6 +124,7 @@ Preset presetByName(std::string_view name) {
     preset.texels.others = 60;
     preset.shape.hands = preset.texels.hands = 1e4;
     preset.mesh.hands = 1000;
+    preset.shape.lrHands = .02;
     preset.texels.cleanHands = true;
     preset.texels.fine = .25;
     preset.texture.texel = .9;
@@ -147,6 +148,8 @@ Preset presetByName(std::string_view name) {
         preset.shape.size = preset.texels.size = 512;
         preset.shape.steps = 500;
         preset.shape.coarse = .6;
+        // People let their hands hang half closed; the actors hold theirs as the model does.
+        preset.shape.ease = 1;
         preset.shape.folds = preset.texels.folds = 30;
         preset.texels.steps = 400;
         preset.texels.samples = 2;

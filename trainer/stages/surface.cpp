@@ -95,7 +95,7 @@ SurfacePreset ownPixels(SurfacePreset preset, Device& device, const BodyModel& b
     const int size = static_cast<int>(std::ceil(std::min(side, kLargestCrop) / 16)) * 16;
     if (size >= kHardly * preset.size) {
         preset.size = size;
-        preset.lrOffsets = 0;
+        preset.lrOffsets = preset.lrHands = 0;
     }
     return preset;
 }
@@ -143,6 +143,7 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
                         .texels = run.texels,
                         .textureSize = run.textureSize,
                         .light = run.light,
+                        .hands = run.hands,
                         .movesOffsets = run.movesOffsets,
                         .movesTexels = run.movesTexels,
                         .video = isVideo(capture)},
@@ -192,6 +193,7 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
     loop.trained = {{"corrections", &state.corrections}};
     if (run.movesOffsets) loop.trained.emplace_back("offsets", &state.offsets);
     if (coloured && run.movesTexels) loop.trained.emplace_back("texels", &state.texels);
+    if (!state.hands.entries().empty()) loop.trained.emplace_back("hands", &state.hands);
     if (!state.light.entries().empty()) loop.trained.emplace_back("light", &state.light);
     if (!state.gains.entries().empty()) loop.trained.emplace_back("gains", &state.gains);
     loop.frameName = [&](size_t frame) { return capture.frames[frame].name; };
@@ -388,16 +390,21 @@ std::vector<float> plannedLight(const Avatar& avatar, const TrainSettings& setti
     return std::vector<float>(avatar.preset.texels.lrLight > 0 ? kLightNumbers : 0);
 }
 
+// As people let them hang who stand or walk.
+constexpr HandAmounts kHandsAtEase{.5f, 1, .5f, 1};
+
 void trainShape(Device& device, TrainResult& result, const TrainSettings& settings) {
     Avatar& avatar = result.avatar;
     result.capture.betas = avatar.betas;
     FrameCache cache(result.capture);
+    // Hands that have been learned before begin as they are.
+    const bool first = avatar.body.offsets.empty();
     if (!settings.known.people.empty()) {
         constexpr int kTexels = 256;
-        const FirstTexels first =
+        const FirstTexels seen =
             backProject(device, avatar.body, result.capture, cache, kTexels,
                         avatar.preset.texels.rim, settings.ranks, settings.known);
-        setOffsets(avatar, offsetsOf(avatar.body, first.heights));
+        setOffsets(avatar, offsetsOf(avatar.body, seen.heights));
     }
     SurfaceRun run{.stage = "shape",
                    .preset = avatar.preset.shape,
@@ -405,6 +412,10 @@ void trainShape(Device& device, TrainResult& result, const TrainSettings& settin
                    .loop = settings,
                    .memoryBudget = settings.memoryBudget,
                    .identity = stageIdentity(avatar, "shape")};
+    if (first)
+        std::ranges::transform(kHandsAtEase, run.hands.begin(), [&](float amount) {
+            return static_cast<float>(run.preset.ease) * amount;
+        });
     if (!settings.hasFolder()) run.loop.out.clear();
     run.picture = [&](const SurfaceResult& state) {
         Avatar now = avatar;
