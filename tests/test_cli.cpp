@@ -508,6 +508,65 @@ TEST(CommandLine, EveryExampleIsOneThatItTakes) {
     }
 }
 
+// The commands of the pages that come with the program: lines of code, and such words between
+// backquotes as begin with where it is built.
+std::vector<std::string> commandsOfPage(const std::filesystem::path& page) {
+    std::vector<std::string> commands;
+    std::ifstream file(page);
+    std::string line, whole;
+    bool fenced = false;
+    const auto take = [&](std::string command, std::initializer_list<const char*> starts) {
+        for (const std::string start : starts)
+            if (command.starts_with(start)) {
+                // What follows after two spaces or a sign of a comment is for the reader.
+                command.resize(std::min({command.find("  "), command.find(" #"), command.size()}));
+                commands.push_back("doppel " + command.substr(start.size()));
+            }
+    };
+    while (std::getline(file, line)) {
+        if (line.starts_with("```")) fenced = !fenced;
+        const bool code = fenced || line.starts_with("    ");
+        if (!code) {
+            for (size_t at = 0, end = 0;
+                 (at = line.find("`build/doppel ", at)) != std::string::npos; at = end) {
+                end = line.find('`', at + 1);
+                if (end == std::string::npos) break;
+                const std::string command = line.substr(at + 1, end - at - 1);
+                if (command.find_first_of("|[<") == std::string::npos &&
+                    command.find("…") == std::string::npos)
+                    take(command, {"build/doppel "});
+            }
+            continue;
+        }
+        whole += line.substr(std::min(line.find_first_not_of(' '), line.size()));
+        if (whole.ends_with('\\')) {
+            whole.pop_back();
+            continue;
+        }
+        if (whole.find("...") == std::string::npos) take(whole, {"build/doppel ", "doppel "});
+        whole.clear();
+    }
+    return commands;
+}
+
+TEST(CommandLine, TakesTheCommandsOfThePages) {
+    size_t found = 0;
+    std::vector<std::filesystem::path> pages{test::sourceFolder() / "README.md"};
+    for (const auto& entry : std::filesystem::directory_iterator(test::sourceFolder() / "docs"))
+        if (entry.path().extension() == ".md") pages.push_back(entry.path());
+    for (const std::filesystem::path& page : pages)
+        for (const std::string& command : commandsOfPage(page)) {
+            const std::vector<std::string> words = wordsOfLine(command);
+            ASSERT_GT(words.size(), 1u) << page;
+            const Outcome o = run({words.begin() + 1, words.end()});
+            EXPECT_EQ(o.status, 0) << page << ": " << command << "\n" << o.err;
+            EXPECT_TRUE(o.called == words[1] || std::ranges::find(words, "--help") != words.end())
+                << page << ": " << command;
+            ++found;
+        }
+    EXPECT_GT(found, 20u);
+}
+
 TEST(Presets, PaperIsThePapers) {
     const Preset paper = presetByName("paper");
     EXPECT_EQ(paper.mesh.size, 256);
