@@ -17,6 +17,7 @@
 #include "engine/error.h"
 #include "engine/io/gltf_nodes.h"
 #include "engine/io/image.h"
+#include "nn/body/fingers.h"
 #include "tests/files.h"
 #include "tests/op_test.h"
 #include "trainer/avatar/avatar_renderer.h"
@@ -304,7 +305,7 @@ TEST(Formats, NamesInGltf) {
               "--names: expected smpl, vrm, mixamo or unreal, found \"maya\"");
 }
 
-// At a share of 1 a target's vertices are those of the body of that coefficient.
+// At a share of 1 a target's vertices are those of the body of that coefficient, or of that hand.
 TEST(Formats, ShapesAreMorphTargets) {
     Folder folder;
     const Avatar avatar = plainAvatar();
@@ -312,9 +313,10 @@ TEST(Formats, ShapesAreMorphTargets) {
     const tinygltf::Model model = load(folder / "a.glb");
     const auto& mesh = model.meshes.at(0);
     const auto& primitive = mesh.primitives.at(0);
-    ASSERT_EQ(primitive.targets.size(), 10u);
-    EXPECT_EQ(mesh.weights, std::vector<double>(10));
+    ASSERT_EQ(primitive.targets.size(), 14u);
+    EXPECT_EQ(mesh.weights, std::vector<double>(14));
     EXPECT_EQ(mesh.extras.Get("targetNames").Get(3).Get<std::string>(), "shape3");
+    EXPECT_EQ(mesh.extras.Get("targetNames").Get(12).Get<std::string>(), "curlRightHand");
     const auto floats = [&](int index) {
         const auto& accessor = model.accessors.at(size_t(index));
         const auto& view = model.bufferViews.at(size_t(accessor.bufferView));
@@ -341,6 +343,23 @@ TEST(Formats, ShapesAreMorphTargets) {
                 most = std::max(most, std::abs(shaped[source] - plain[source]));
             }
         EXPECT_GT(most, 1e-3);
+    }
+    // The body at rest is what is exported of an avatar without networks.
+    const std::vector<float> rest = avatar.body.restVertices();
+    const FingerRig fingers = fingerRig(avatar.body);
+    for (const size_t k : {0, 1, 2, 3}) {
+        HandAmounts amounts{};
+        amounts[k] = 1;
+        const std::vector<float> bent = bentFingers(fingers, rest, amounts);
+        const auto moved = floats(primitive.targets[10 + k].at("POSITION"));
+        float most = 0;
+        for (size_t i = 0; i < corners.size(); ++i)
+            for (size_t c = 0; c < 3; ++c) {
+                const size_t source = 3 * size_t(avatar.body.faces[i]) + c;
+                ASSERT_NEAR(moved[3 * size_t(corners[i]) + c], bent[source] - rest[source], 1e-5);
+                most = std::max(most, std::abs(bent[source] - rest[source]));
+            }
+        EXPECT_GT(most, .01f);
     }
 }
 

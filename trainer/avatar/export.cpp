@@ -4,12 +4,14 @@
 #include <array>
 #include <cmath>
 #include <glm/gtc/quaternion.hpp>
+#include <iterator>
 #include <limits>
 #include <vector>
 
 #include "engine/error.h"
 #include "engine/files/ending.h"
 #include "nn/body/body.h"
+#include "nn/body/fingers.h"
 #include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/bake.h"
 #include "trainer/avatar/formats/mesh_parts.h"
@@ -155,6 +157,28 @@ std::vector<GltfMorph> shapeMorphs(const BodyModel& body, std::span<const uint32
     return morphs;
 }
 
+// What curls and closes each hand from where it is (nn/body/fingers.h); none of mittens.
+std::vector<GltfMorph> handMorphs(const BodyModel& body, std::span<const float> bindVerts,
+                                  std::span<const uint32_t> sources) {
+    BodyModel shown = body;
+    shown.templateVertices.assign(bindVerts.begin(), bindVerts.end());
+    shown.offsets.clear();
+    const FingerRig fingers = fingerRig(shown);
+    std::vector<GltfMorph> morphs;
+    if (fingers.empty()) return morphs;
+    for (const char* name : {"curlLeftHand", "closeLeftHand", "curlRightHand", "closeRightHand"}) {
+        HandAmounts amounts{};
+        amounts[morphs.size()] = 1;
+        const std::vector<float> bent = bentFingers(fingers, bindVerts, amounts);
+        GltfMorph morph{name, {}};
+        for (const size_t v : sources)
+            for (size_t i = 3 * v; i < 3 * v + 3; ++i)
+                morph.positions.push_back(bent[i] - bindVerts[i]);
+        morphs.push_back(std::move(morph));
+    }
+    return morphs;
+}
+
 }  // namespace
 
 GltfScene avatarScene(const Avatar& avatar, std::span<const float> bindVerts, const Motion* motion,
@@ -186,7 +210,10 @@ GltfScene avatarScene(const Avatar& avatar, std::span<const float> bindVerts, co
     scene.baseColor = toImage(colours, size, size);
     scene.unlit = !settings.lit;
     scene.doubleSided = true;
-    if (settings.shapes) scene.morphs = shapeMorphs(body, sources);
+    if (settings.shapes) {
+        scene.morphs = shapeMorphs(body, sources);
+        std::ranges::move(handMorphs(body, bindVerts, sources), std::back_inserter(scene.morphs));
+    }
     return scene;
 }
 

@@ -21,7 +21,7 @@ namespace doppel {
 struct ExportSettings {
     TextureKind texture = TextureKind::Best;  // Coarse or Baked; Best is the baked one, if any
     JointNames names = JointNames::Smpl;
-    bool shapes = false;          // glTF: a morph target for each shape coefficient
+    bool shapes = false;          // glTF: morph targets for shape coefficients and hands
     std::string author, licence;  // of a VRM: who made it, and a licence's address; may be empty
     VrmPermissions permissions;   // of a VRM
     bool lit = false;             // glTF, VRM, USD: seen in the light of where it stands
@@ -41,7 +41,8 @@ struct ExportSettings {
 // average texels where the person is small.
 //
 // Shapes move the T-pose as a step of one standard deviation moves the body; the skeleton stays,
-// since glTF's morph targets move vertices only.
+// since glTF's morph targets move vertices only. Behind them are those that curl and close the
+// hands, by an amount of 1 (nn/body/fingers.h).
 //
 // InputError where there is no texture.
 GltfScene avatarScene(const Avatar& avatar, std::span<const float> bindVerts, const Motion* motion,

@@ -205,7 +205,8 @@ void declareFlags(CommandFlags& flags, ExportOptions& o) {
         ->capture_default_str()
         ->check(showsChoices({"smpl", "vrm", "mixamo", "unreal"}));
     flags->add_flag("--shapes", o.shapes,
-                    "Of .glb, .vrm and --web: a morph target for each shape coefficient");
+                    "Of .glb, .vrm and --web: a morph target for each shape coefficient, and those "
+                    "that curl and close each hand");
     flags
         ->add_option("--material", o.material,
                      "Of .glb, .vrm, .usda and --web: unlit, seen as the texture is whatever "
