@@ -4,7 +4,7 @@
 // vertex's own and the amount one that all of a hand has (nn/body/fingers.h). Going back along the
 // turns, with g the gradient behind turn j and q the place there,
 //     damount_j += g . (axis x (q - pivot)) angle_j share_j,    g <- T_j^T g.
-// Metres, radians. A vertex has its terms of damount in a row of its own.
+// verts [V,3], metres, amounts [A]. A vertex has its terms of damount in a row of its own.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "common/op.glsl"
