@@ -38,7 +38,8 @@ namespace doppel {
            "is smoothed")                                                                        \
     NUMBER(double, lrHands, 0, 0, 10,                                                            \
            "of 1, per step, of how far hands are curled and closed; 0: as they are")             \
-    NUMBER(double, ease, 0, 0, 1, "where they begin: 0 flat and spread, 1 half closed")          \
+    NUMBER(double, ease, 0, 0, 1,                                                                \
+           "how hands begin in stage shape: 0 flat and spread, 1 half closed")                   \
     NUMBER(double, lrTexels, .015, 0, 10, "of 1, per step and texel")                            \
     NUMBER(double, lrLight, 0, 0, 10, "of 1, per step, of the capture's light; 0: none learned") \
     NUMBER(double, lrGain, 0, 0, 10,                                                             \
