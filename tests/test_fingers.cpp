@@ -153,6 +153,26 @@ TEST(Fingers, HandsWithoutFingersHaveNoRig) {
     EXPECT_TRUE(fingerRig(body).empty());
 }
 
+// Nails that are shells of their own, or vertices that no face has, as files of strangers may have.
+TEST(Fingers, HandsOfSeveralPiecesHaveNoRig) {
+    BodyModel body = bodyOf(kDefaultBody);
+    const size_t tip = tipOf(fingerRig(body), body, 1);
+    for (size_t f = 0; f < body.faces.size(); f += 3) {
+        const auto face = std::span(body.faces).subspan(f, 3);
+        if (std::ranges::find(face, static_cast<int32_t>(tip)) != face.end())
+            std::ranges::fill(face, body.faces[0]);
+    }
+    EXPECT_TRUE(fingerRig(body).empty());
+}
+
+// Fingers and thumb on one line have no palm between them.
+TEST(Fingers, HandsWithoutAPalmHaveNoRig) {
+    BodyModel body = bodyOf(kDefaultBody);
+    for (size_t i = 0; i < body.templateVertices.size(); ++i)
+        if (i % 3 != 0) body.templateVertices[i] = 0;
+    EXPECT_TRUE(fingerRig(body).empty());
+}
+
 // Three fingers over seven vertices, of which some have none, one or several.
 TEST(BendFingers, MatchesTheFormula) {
     const std::vector<int> begin{0, 0, 1, 3, 4, 4, 7, 8}, fingers{0, 1, 2, 2, 0, 1, 2, 1};

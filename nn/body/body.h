@@ -76,7 +76,7 @@ std::vector<float> clampBounds(const BodyModel& body, ClampBounds source);
 // How much of each vertex [V] hangs on the bones of a hand: 0 to 1, less towards the forearms.
 std::vector<float> handShares(const BodyModel& body);
 
-// How stiff the surface is [V]: 1, and so many times that of what is a hand.
+// How stiff the surface is [V]: 1, and `hands` where a vertex is a hand's.
 // A finger is three pixels wide where a person fills a frame, so outlines alone make gloves of
 // hands.
 std::vector<float> surfaceStiffness(const BodyModel& body, double hands);

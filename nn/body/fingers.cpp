@@ -56,9 +56,10 @@ struct Mesh {
     }
 };
 
+constexpr double kFar = 1e9;  // m; no edges lead there
+
 // How far each vertex of a hand is from the forearm, along edges; negative: not of the hand.
 std::vector<double> awayFromArm(const Mesh& mesh, const std::vector<uint8_t>& ofHand) {
-    constexpr double kFar = 1e9;
     std::vector<double> away(ofHand.size(), -1);
     using Entry = std::pair<double, size_t>;
     std::priority_queue<Entry, std::vector<Entry>, std::greater<>> next;
@@ -90,7 +91,6 @@ std::vector<double> awayFromArm(const Mesh& mesh, const std::vector<uint8_t>& of
 std::vector<Finger> fingersOf(const Mesh& mesh, const std::vector<size_t>& hand,
                               const std::vector<double>& away) {
     struct Piece {
-        size_t root;
         double peak;
         std::vector<size_t> vertices;
         bool ended = false;  // met another finger
@@ -116,7 +116,7 @@ std::vector<Finger> fingersOf(const Mesh& mesh, const std::vector<size_t>& hand,
     };
     for (const size_t v : order) {
         int mine = static_cast<int>(pieces.size());
-        pieces.push_back({.root = v, .peak = away[v], .vertices = {v}});
+        pieces.push_back({.peak = away[v], .vertices = {v}});
         pieceOf[v] = mine;
         for (const int32_t n : mesh.around(v)) {
             int other = pieceOf[static_cast<size_t>(n)];
@@ -144,7 +144,10 @@ std::optional<Hand> handOf(const BodyModel& body, const Mesh& mesh, size_t side)
         ofHand[v] = row[joint::kLeftWrist + side] + row[joint::kLeftHand + side] > .5f;
         if (ofHand[v]) hand.vertices.push_back(v);
     }
-    std::vector<Finger> found = fingersOf(mesh, hand.vertices, awayFromArm(mesh, ofHand));
+    // What does not hang together would be left behind where fingers bend: nails, say.
+    const std::vector<double> away = awayFromArm(mesh, ofHand);
+    if (std::ranges::find(away, kFar) != away.end()) return std::nullopt;
+    std::vector<Finger> found = fingersOf(mesh, hand.vertices, away);
     if (found.size() != kFingers) return std::nullopt;
     const std::vector<double> joints = restJoints(body, std::vector<double>(BodyModel::kShapes));
     const double* wrist = &joints[3 * (joint::kLeftWrist + side)];
@@ -270,6 +273,8 @@ FingerRig fingerRig(const BodyModel& body) {
         if (!hand) return {};
         addHand(rig, entries, mesh, *hand, side);
     }
+    // Whose fingers have no length, or whose thumb lies on them, has no directions to bend in.
+    if (!std::ranges::all_of(rig.turns, [](float x) { return std::isfinite(x); })) return {};
     rig.begin.push_back(0);
     for (const std::vector<Entry>& list : entries) {
         for (const Entry& entry : list) {

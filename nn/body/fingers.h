@@ -34,7 +34,7 @@ struct FingerRig {
 };
 
 // Of the body at rest, offsets added. Empty where a hand has not five fingers that stand off by
-// 15 mm: mittens.
+// 15 mm (mittens), or is not of one piece with the forearm.
 FingerRig fingerRig(const BodyModel& body);
 
 // verts [V,3] m, bent: what bendFingers() (nn/ops/body.h) computes.

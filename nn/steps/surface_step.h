@@ -86,7 +86,7 @@ struct SurfaceStart {
     std::vector<float> texels;   // [size,size,3]; empty: silhouettes alone
     int textureSize = 0;
     std::vector<float> light;  // L [8,3] (nn/steps/light.h); empty: none, or none yet
-    HandAmounts hands{};       // from where they bend
+    HandAmounts hands{};       // how hands begin
     bool movesPoses = true, movesOffsets = true, movesTexels = true;
     bool video = false;  // neighbouring frames tell about each other
 };
@@ -111,8 +111,8 @@ struct SurfaceState {
     Parameters corrections, offsets, texels;
     // Of nothing unless they are learned; gains less one [frames,3].
     Parameters light, gains;
-    Parameters hands;  // what is added to the start's
-    FingerRig fingers;
+    Parameters hands;         // what is added to the start's
+    FingerRig fingers;        // empty where hands are not learned
     std::vector<float> bare;  // [V,3] the model's template
 
     SurfaceState(Device& device, const BodyModel& body, SurfaceStart start,

@@ -23,7 +23,7 @@ struct SurfaceRun {
     std::vector<float> texels = {};  // [size,size,3] to start from; empty: silhouettes alone
     int textureSize = 0;
     std::vector<float> light = {};                   // Avatar::light
-    HandAmounts hands = {};                          // from where they bend
+    HandAmounts hands = {};                          // how hands begin
     bool movesOffsets = false, movesTexels = false;  // poses always move
     LoopSettings loop = {};
     uint64_t memoryBudget = 0;
