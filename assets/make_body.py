@@ -179,21 +179,8 @@ class Body:
             socket |= more
             growing += more
         socket = np.array(sorted(socket))
-        row = {i: k for k, i in enumerate(socket)}
-        system = np.zeros((len(socket), len(socket)))
-        from_lids = np.zeros((len(socket), BODY_VERTICES))
-        for (i, j), weight in edges.items():
-            weight = max(weight, .05)  # positive: without folds
-            for a, b in ((i, j), (j, i)):
-                if a not in row:
-                    continue
-                system[row[a], row[a]] += weight
-                if b in row:
-                    system[row[a], row[b]] -= weight
-                else:
-                    from_lids[row[a], b] += weight
-        from_lids = np.linalg.solve(system, from_lids)  # each row a mean of the vertices around
-        assert np.allclose(from_lids.sum(1), 1) and 300 < len(socket) < 450
+        from_lids = spanned(edges, socket)
+        assert 300 < len(socket) < 450
         lids = cKDTree(self.template[from_lids.any(0)])
         reach, _ = lids.query(from_lids @ self.template)
         bulge = EYE_BULGE * np.sin(np.pi / 2 * reach / reach.max())
@@ -214,6 +201,24 @@ class Body:
             for chart in own:
                 centre = self.uvs[chart].mean(0)
                 self.uvs[chart] = centre + EYE_TEXELS * (self.uvs[chart] - centre)
+
+    def close_mouth(self):
+        """Spans the lips with what is a bag 10 cm deep in the source: a face that is learned from
+        pictures is thinner than its bag here and there, and the bag would show through the cheeks.
+        The light mesh is chosen before that, as for the eyes."""
+        charts = [np.isin(self.uv_faces[:, 0], chart)
+                  for chart in connected(self.uv_faces, len(self.uvs))]
+        # The inside of the mouth has one to itself; those of the eyes are flat by now.
+        [bag] = [chart for chart in charts
+                 if np.abs(self.template[self.faces[chart], 0]).max() < .05
+                 and np.ptp(self.template[self.faces[chart], 2]) > .05]
+        inside = np.setdiff1d(self.faces[bag], self.faces[~bag])
+        edges = {tuple(sorted(pair)): 1. for face in self.faces[bag]
+                 for pair in zip(face, np.roll(face, 1))}
+        from_lips = spanned(edges, inside)
+        assert 100 < len(inside) < 1000
+        for vertices in (self.template, self.samples, self.shapes.transpose(2, 0, 1)):
+            vertices[..., inside, :] = from_lips @ vertices
 
     def close_toes(self):
         """Lets toes swell until they touch and the forefoot is as full as its convex hull, but
@@ -266,6 +271,27 @@ class Body:
             'sole_mask': self.sole[kept].astype(np.uint8),
             'full_vertex': kept.astype(np.int32),
         }
+
+
+def spanned(edges, inside):
+    """[len(inside), BODY_VERTICES] each inner vertex as a mean of the vertices around the inner
+    ones: harmonic, with edges {(i, j): weight}."""
+    row = {i: k for k, i in enumerate(inside)}
+    system = np.zeros((len(inside), len(inside)))
+    around = np.zeros((len(inside), BODY_VERTICES))
+    for (i, j), weight in edges.items():
+        weight = max(weight, .05)  # positive: without folds
+        for a, b in ((i, j), (j, i)):
+            if a not in row:
+                continue
+            system[row[a], row[a]] += weight
+            if b in row:
+                system[row[a], row[b]] -= weight
+            else:
+                around[row[a], b] += weight
+    around = np.linalg.solve(system, around)
+    assert np.allclose(around.sum(1), 1)
+    return around
 
 
 def neighbours(faces, chosen, count):
@@ -387,6 +413,7 @@ def main():
     meshes = {'default': body.lighter(),
               'default-full': (np.arange(BODY_VERTICES), body.faces, body.uv_faces)}
     body.fill_eyes()
+    body.close_mouth()
     for name, mesh in meshes.items():
         arrays = body.arrays(*mesh)
         check(name, arrays, body)

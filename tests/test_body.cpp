@@ -324,6 +324,43 @@ TEST(DefaultBody, HasNoHolesForEyes) {
     }
 }
 
+// A face that is learned from pictures is thinner than a deep mouth here and there, which then
+// shows through the cheeks. Its inside has a chart of the atlas to itself.
+TEST(DefaultBody, HasNoDeepMouth) {
+    for (const char* name : {"default.npz", "default-full.npz"}) {
+        const BodyModel body = bodyFromNpz(readNpz(test::sourceFolder() / "assets/body" / name));
+        std::vector<size_t> chart(static_cast<size_t>(body.uvCount));
+        std::iota(chart.begin(), chart.end(), size_t{0});
+        auto chartOf = [&](int32_t uv) {
+            auto root = static_cast<size_t>(uv);
+            while (chart[root] != root) root = chart[root] = chart[chart[root]];
+            return root;
+        };
+        for (size_t f = 0; f < body.uvFaces.size(); f += 3)
+            for (size_t k : {1u, 2u})
+                chart[chartOf(body.uvFaces[f + k])] = chartOf(body.uvFaces[f]);
+        struct Extent {
+            float side = 0, low = 9, top = -9, back = 9, front = -9;
+        };
+        std::map<size_t, Extent> extents;
+        for (size_t i = 0; i < body.uvFaces.size(); ++i) {
+            const float* at = &body.templateVertices[3 * static_cast<size_t>(body.faces[i])];
+            Extent& extent = extents[chartOf(body.uvFaces[i])];
+            extent.side = std::max(extent.side, std::abs(at[0]));
+            extent.low = std::min(extent.low, at[1]), extent.top = std::max(extent.top, at[1]);
+            extent.back = std::min(extent.back, at[2]),
+            extent.front = std::max(extent.front, at[2]);
+        }
+        int mouths = 0;
+        for (const auto& [root, extent] : extents) {
+            if (extent.side > .05f || extent.low < .3f || extent.top > .44f) continue;
+            EXPECT_LT(extent.front - extent.back, .02f) << name;
+            ++mouths;
+        }
+        EXPECT_EQ(mouths, 1) << name;
+    }
+}
+
 // SMPL's own file has no atlas, labels or masks: leave the default body without them.
 TEST(Body, FillsInWhatSmplsFileLacks) {
     Npz full = readNpz(kDefaultBody), bare;
