@@ -59,7 +59,8 @@ namespace doppel {
     NUMBER(double, priorTrans, .5, 0, kNoLimit, "weight of staying near the given places")       \
     NUMBER(double, smoothTheta, 0, 0, kNoLimit, "weight of an even motion, in videos")           \
     NUMBER(int, others, 0, 0, kNoLimit,                                                          \
-           "times that each of three or four frames is fitted before to what others show")       \
+           "times that each of three to sixteen frames is fitted before, in each of three "      \
+           "rounds, to what others show")                                                        \
     NUMBER(double, stay, .3, 0, kNoLimit, "weight of small offsets")                             \
     NUMBER(double, facing, 0, 0, 100,                                                            \
            "power of the cosine to the camera with which a pixel teaches texels")                \

@@ -318,20 +318,18 @@ int fitPosesToPictures(Device& device, const Avatar& avatar, Capture& capture, u
 
 namespace {
 
-// Outlines do not show where an arm is that hangs before the body, and colours that a frame has
-// painted itself believe whatever pose it has: the arm is painted on the flank as well. So each
-// half of a few frames is fitted to the texture that the other half gives, over small crops, for
-// poses are off by many pixels. Many frames do that by themselves, and two show sides of their own.
-void fitPosesToOthers(Device& device, const Avatar& avatar, Capture& capture,
-                      const TrainSettings& settings) {
+// The given capture in poses that are fitted to pictures: each half, from the poses that it
+// has, to the texture that the other half gives in the poses of `latest`, over small crops, for
+// poses are off by many pixels.
+Capture fittedToOthers(Device& device, const Avatar& avatar, const Capture& given,
+                       const Capture& latest, const TrainSettings& settings) {
     constexpr int kTexels = 256;
     const SurfacePreset& preset = avatar.preset.texels;
-    if (preset.others == 0 || capture.size() < 3 || capture.size() > kFewPictures) return;
-    const Capture before = capture;
+    Capture fitted = given;
     for (const size_t half : {0u, 1u}) {
         std::vector<size_t> own, others;
-        for (size_t f = 0; f < before.size(); ++f) (f % 2 == half ? own : others).push_back(f);
-        Capture mine = before.subset(own), theirs = before.subset(others);
+        for (size_t f = 0; f < given.size(); ++f) (f % 2 == half ? own : others).push_back(f);
+        Capture mine = given.subset(own), theirs = latest.subset(others);
         FrameCache cache(theirs);
         SurfaceRun run{.stage = "poses",
                        .preset = preset,
@@ -352,10 +350,27 @@ void fitPosesToOthers(Device& device, const Avatar& avatar, Capture& capture,
         run.preset.lrLight = run.preset.lrGain = 0;
         runSurface(device, avatar.body, mine, run);
         for (size_t k = 0; k < own.size(); ++k) {
-            capture.theta[own[k]] = mine.theta[k];
-            capture.trans[own[k]] = mine.trans[k];
+            fitted.theta[own[k]] = mine.theta[k];
+            fitted.trans[own[k]] = mine.trans[k];
         }
     }
+    return fitted;
+}
+
+// Outlines do not show where an arm is that hangs before the body, nor where a head looks, and
+// colours that a frame has painted itself believe whatever pose it has: the arm is painted on the
+// flank as well, and faces get several eyes. So a few frames are fitted to what the others show, in
+// rounds, for the others were off as well. Each round begins with the given poses, or halves would
+// take over each other's errors and go astray. Many frames do it by themselves, and two show sides
+// of their own.
+void fitPosesToOthers(Device& device, const Avatar& avatar, Capture& capture,
+                      const TrainSettings& settings) {
+    constexpr size_t kSome = 16;
+    constexpr int kRounds = 3;
+    if (avatar.preset.texels.others == 0 || capture.size() < 3 || capture.size() > kSome) return;
+    const Capture given = capture;
+    for (int round = 0; round < kRounds; ++round)
+        capture = fittedToOthers(device, avatar, given, capture, settings);
 }
 
 // A stage's steps over crops of each size, those of the given poses.
