@@ -103,7 +103,7 @@ TEST(Bench, PrintsGoogleBenchmarksJson) {
         if (name.starts_with("op/linear/offset")) {
             // 2 * 7999 * 132 * 3 forward, twice as much backward.
             double flops = name.find("backward") == std::string::npos ? 6335208.0 : 12670416.0;
-            // Either is printed with few digits.
+            // The two are rounded, so they differ by a part of themselves.
             const double rate = flops * 1e-6 / row["real_time"].get<double>();
             EXPECT_NEAR(row["GFLOP/s"].get<double>(), rate, 1e-3 * rate);
             EXPECT_NEAR(row["%fma"].get<double>(), 100 * row["GFLOP/s"].get<double>() / ceiling,

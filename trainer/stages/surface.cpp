@@ -361,7 +361,7 @@ Capture fittedToOthers(Device& device, const Avatar& avatar, const Capture& give
 // colours that a frame has painted itself believe whatever pose it has: the arm is painted on the
 // flank as well, and faces get several eyes. So a few frames are fitted to what the others show, in
 // rounds, for the others were off as well. Each round begins with the given poses, or halves would
-// take over each other's errors and go astray. Many frames do it by themselves, and two show sides
+// take over each other's errors and go astray. Of many frames rounds take long, and two show sides
 // of their own.
 void fitPosesToOthers(Device& device, const Avatar& avatar, Capture& capture,
                       const TrainSettings& settings) {
