@@ -199,6 +199,77 @@ TEST_F(KeysTest, AJointIsTurnedByAKeyAndNumbers) {
     EXPECT_EQ(viewer.editor().pose(), before);
 }
 
+// As Blender's: the mouse looks around and keys go, without a button, until a click.
+TEST_F(KeysTest, AWalkLeadsThroughTheScene) {
+    Viewer& viewer = openWith("gltf");
+    const OrbitCamera began = viewer.camera();
+    const auto eye = [&] {
+        const ViewTransform view = viewer.camera().view();
+        return -(glm::transpose(view.rotation) * view.translation);
+    };
+    const auto hold = [&](const std::string& key, double seconds) {
+        screen_->keyDown(key);
+        const auto until =
+            std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+        while (std::chrono::steady_clock::now() < until) turn(1);
+        screen_->keyUp(key);
+        turn();
+    };
+    const auto begin = [&] {
+        screen_->keyDown("Shift_L");
+        screen_->key("w");
+        turn();
+        screen_->keyUp("Shift_L");
+        turn();
+    };
+    const auto click = [&](int button) {
+        screen_->press(button);
+        turn();
+        screen_->release(button);
+        settle();
+    };
+    screen_->move(200, 200);
+    turn();
+    begin();
+    EXPECT_EQ(viewer.camera().yaw, began.yaw) << "to begin turns nothing";
+    const glm::dvec3 from = eye();
+    hold("w", .5);
+    EXPECT_GT(eye().z, from.z + .05) << "ahead";
+    EXPECT_LT(eye().z, from.z + 3);
+    EXPECT_NEAR(eye().x, from.x, 1e-9);
+    EXPECT_FALSE(viewer.settings().wireframe) << "W is for the walk";
+    hold("d", .3);
+    EXPECT_GT(eye().x, from.x + .02) << "to the right";
+    hold("e", .3);
+    EXPECT_LT(eye().y, from.y - .02) << "up";
+
+    const glm::dvec3 stands = eye();
+    screen_->move(kWidth - 40, kHeight / 2);  // the pointer is held in the middle
+    turn(4);
+    EXPECT_LT(viewer.camera().yaw, began.yaw - .01) << "looks to the right";
+    EXPECT_LT(glm::distance(eye(), stands), 1e-9) << "and stands where it stood";
+    const OrbitCamera there = viewer.camera();
+    click(1);
+    EXPECT_EQ(cameraText(viewer.camera()), cameraText(there)) << "a click stays";
+    screen_->move(300, 240);
+    settle();
+    EXPECT_EQ(cameraText(viewer.camera()), cameraText(there)) << "and ends it";
+
+    begin();
+    hold("s", .3);
+    EXPECT_NE(cameraText(viewer.camera()), cameraText(there));
+    screen_->key("Escape");
+    settle();
+    EXPECT_EQ(cameraText(viewer.camera()), cameraText(there));
+    begin();
+    hold("a", .3);
+    click(3);
+    EXPECT_EQ(cameraText(viewer.camera()), cameraText(there)) << "so does the right button";
+    screen_->key("w");
+    settle();
+    EXPECT_TRUE(viewer.settings().wireframe) << "W is again what it was";
+}
+
 TEST_F(KeysTest, HelpListsWhatIsInForceAndFitsTheWindow) {
     ViewerOptions options;
     options.keys = "blender";

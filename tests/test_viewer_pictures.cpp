@@ -307,6 +307,67 @@ TEST_F(ViewerTest, BecomesFinerAtRestAndThenStops) {
     EXPECT_EQ(viewer.refinements(), kRefinements);
 }
 
+// Where there is time for it: four samples of a pixel are nearer to its mean than one.
+TEST_F(ViewerTest, EdgesAreSmoothWhileSomethingMoves) {
+    std::array<double, 2> far{};
+    for (const bool fast : {false, true}) {
+        ViewerOptions options;
+        options.smoothWithin = fast ? 1e9 : 0;
+        Viewer& viewer = open(options);
+        viewer.settings().joints = false;
+        for (double yaw = .1; yaw < .7; yaw += .1) {
+            viewer.camera().yaw = yaw;
+            viewer.frame();
+        }
+        settle();
+        viewer.camera().yaw = 1;
+        viewer.frame();
+        ASSERT_EQ(viewer.refinements(), 0);
+        const Image moving = picture();
+        settle();
+        far[fast] = difference(moving, picture());
+    }
+    EXPECT_GT(far[0], 0);
+    EXPECT_LT(far[1], .7 * far[0]);
+}
+
+TEST(MovingSamples, GrowBetweenMovementsWhereTheDeviceIsFast) {
+    MovingSamples samples(5);
+    const auto move = [&](double milliseconds, int pictures) {
+        for (int i = 0; i < pictures; ++i) samples.drawn(milliseconds);
+    };
+    move(1, 3);
+    samples.rested();
+    EXPECT_EQ(samples.now(), 1) << "three pictures say too little";
+    move(90, 1);  // kernels are compiled
+    move(1, 4);
+    EXPECT_EQ(samples.now(), 1) << "not in the middle of a movement";
+    samples.rested();
+    samples.rested();
+    EXPECT_EQ(samples.now(), 2);
+    move(90, 1);
+    move(4, 3);
+    move(30, 2);  // the machine was busy
+    EXPECT_EQ(samples.now(), 2);
+    move(6, 4);
+    EXPECT_EQ(samples.now(), 1) << "it takes six times as long";
+    move(1, 6);
+    samples.rested();
+    EXPECT_EQ(samples.now(), 1) << "and that is remembered";
+    move(.8, 6);
+    samples.rested();
+    EXPECT_EQ(samples.now(), 2);
+}
+
+TEST(MovingSamples, StaySingleOnASlowDevice) {
+    MovingSamples samples(5);
+    for (int movement = 0; movement < 3; ++movement) {
+        for (int i = 0; i < 10; ++i) samples.drawn(1.3);
+        samples.rested();
+        EXPECT_EQ(samples.now(), 1);
+    }
+}
+
 // While a limb moves, the rest of the picture stays as it was drawn.
 TEST_F(ViewerTest, DrawsAgainOnlyWhereSomethingMoved) {
     Device device;

@@ -214,6 +214,7 @@ Pose Viewer::finished(const Pose& pose, const Pose& began, size_t joint) const {
 }
 
 void Viewer::endDrag() {
+    if (walk_) return endWalk(true);
     if (drag_ == Drag::Joint || drag_ == Drag::Ring) editor_->endGesture();
     drag_ = Drag::None;
     modal_.reset();
@@ -292,6 +293,7 @@ void Viewer::turnWheel() {
 }
 
 void Viewer::handleMouse() {
+    if (walk_) return advanceWalk();
     const ImGuiIO& io = ImGui::GetIO();
     glm::dvec2 before = mouse_;
     mouse_ = {io.MousePos.x, io.MousePos.y};
@@ -355,6 +357,7 @@ void Viewer::handleMouse() {
             dragDivider();
             break;
         case Drag::Click:
+        case Drag::Walk:
         case Drag::None:
             break;
     }

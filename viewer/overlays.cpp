@@ -106,6 +106,10 @@ void Viewer::drawOverlays() {
         }
         list.PopClipRect();
     }
+    if (walk_) {
+        drawLabel({12 * unit, 12 * unit}, "W A S D: walk; E, Q: up, down; Shift: fast; Alt: slow");
+        drawLabel({12 * unit, 38 * unit}, "a click or Enter: stay; Escape: back");
+    }
     std::string atMouse = turnedText();
     if (hovered_ && drag_ == Drag::None) {
         atMouse = jointName(*hovered_);

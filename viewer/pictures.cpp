@@ -288,6 +288,7 @@ void Viewer::updatePictures() {
     if (!sameView) ++viewVersion_;
     if (shown_ && *shown_ == now) {
         if (!refines()) return;
+        movingSamples_.rested();
         // Ghosts may have left another.
         setPoses(now);
         for (size_t i = 0; i < panes_.size(); ++i) {
@@ -317,6 +318,7 @@ void Viewer::updatePictures() {
     for (const Pane& pane : panes_) sceneOf(pane).prepare(pane.mesh);
     times_.pose = millisecondsSince(before);
     before = Clock::now();
+    const int samples = movingSamples_.now();
     for (size_t i = 0; i < panes_.size(); ++i) {
         const Pane& pane = panes_[i];
         if (pane.other == Pane::kSource) {
@@ -327,11 +329,12 @@ void Viewer::updatePictures() {
         std::vector<float> depths;
         const std::span<const uint32_t> background = behind(pane, {}, depths);
         pixels_[i] =
-            sceneOf(pane).draw(pane.mesh, cameraOf(pane), view(), shadeOptions(pane), background, 1,
-                               std::move(pixels_[i]), depths.empty() ? nullptr : &depths);
+            sceneOf(pane).draw(pane.mesh, cameraOf(pane), view(), shadeOptions(pane), background,
+                               samples, std::move(pixels_[i]), depths.empty() ? nullptr : &depths);
         putFrameInFront(i);
     }
     times_.draw = millisecondsSince(before);
+    movingSamples_.drawn(times_.draw);
     shown_ = std::move(now);
     refinements_ = 0;
     ++pictures_;

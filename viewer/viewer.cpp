@@ -36,6 +36,7 @@ Viewer::Viewer(const ViewerOptions& options)
            options.theme.value_or(preferences_.theme),
            {}}),
       device_(options.device),
+      movingSamples_(options.smoothWithin),
       library_(options.state.empty() ? fs::path() : options.state / "poses"),
       recovery_(options.state) {
     openKeys();
@@ -207,7 +208,7 @@ bool Viewer::frame() {
                   : rests || painter_->busy() || search_ ? 0.25
                   : interacting() && !playing_           ? 0.02
                                                          : 0;
-    if (refines()) wait = 0;
+    if (refines() || (walk_ && walk_->goes)) wait = 0;
     if (framesToDraw_ > 0 || playing_) wait = 0;
     if (!drawable_) wait = 0.25;
     if (dialog_.isOpen()) wait = std::min(wait, 0.05);

@@ -29,6 +29,7 @@
 #include "viewer/live/live_avatar.h"
 #include "viewer/live/training_watch.h"
 #include "viewer/mix/mixer.h"
+#include "viewer/picture/moving_samples.h"
 #include "viewer/picture/orbit_camera.h"
 #include "viewer/picture/painter.h"
 #include "viewer/picture/pane.h"
@@ -163,7 +164,7 @@ public:
     bool working() const { return film_ || export_ || mixSave_; }
 
 private:
-    enum class Drag { None, Click, Orbit, Pan, Dolly, Joint, Ring, Divider };
+    enum class Drag { None, Click, Orbit, Pan, Dolly, Joint, Ring, Divider, Walk };
     using Clock = std::chrono::steady_clock;
 
     // What pictures show.
@@ -328,6 +329,10 @@ private:
     void beginModalDrag(Drag drag);
     bool typesIntoDrag(const Chord& chord);
     double modalAngle();
+    void beginWalk();
+    void endWalk(bool stay);
+    bool typesIntoWalk(const Chord& chord);
+    void advanceWalk();
     // A preset or a file from now on; InputError, with nothing changed, where it is neither.
     void useKeys(const std::string& nameOrFile);
     void chooseKeys(const std::string& nameOrFile);  // for the next starts, too
@@ -471,7 +476,7 @@ private:
     std::unique_ptr<SourceBody> sourceBody_;
     Mixer mixer_;
     std::shared_ptr<LoadedAvatar> unmixed_;  // the avatar without what others give; null: as it is
-    bool mixSaved_ = true;  // what is mixed, or there is nothing
+    bool mixSaved_ = true;                   // what is mixed, or there is nothing
     std::unique_ptr<Painter> painter_;
     std::unique_ptr<PoseEditor> editor_;
     mutable Skeleton skeleton_{};
@@ -487,6 +492,7 @@ private:
     std::vector<std::vector<uint32_t>> inFront_;
     std::optional<Shown> shown_;
     uint64_t pictures_ = 0;
+    MovingSamples movingSamples_;
     int refinements_ = 0;
     Times times_;
     Clock::time_point lastTouched_{}, lastFrame_{};
@@ -565,6 +571,14 @@ private:
         double turned = 0;                // radians on the picture, clockwise
     };
     std::optional<Modal> modal_;
+    // A walk, which a key began as well.
+    struct Walk {
+        OrbitCamera began;
+        bool captureCamera = false;
+        Clock::time_point last{};
+        bool goes = false;  // a key is held
+    };
+    std::optional<Walk> walk_;
     Bindings keys_;
 
     // The panel.

@@ -83,10 +83,10 @@ void Viewer::drawOthers(const Pane& pane, std::optional<int> refinement,
     for (size_t i = 0; i < others_.size(); ++i) {
         const MeshKind mesh = others_[i].mesh(pane.mesh);
         Scene& scene = others_[i].scene();
-        pixels = refinement
-                     ? scene.refine(mesh, cameraOf(pane), view(), shade, pixels, kPlace,
-                                    *refinement, {}, &depths)
-                     : scene.draw(mesh, cameraOf(pane), view(), shade, pixels, 1, {}, &depths);
+        pixels = refinement ? scene.refine(mesh, cameraOf(pane), view(), shade, pixels, kPlace,
+                                           *refinement, {}, &depths)
+                            : scene.draw(mesh, cameraOf(pane), view(), shade, pixels,
+                                         movingSamples_.now(), {}, &depths);
     }
 }
 

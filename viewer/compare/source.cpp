@@ -67,7 +67,7 @@ void Viewer::drawSource(size_t i, std::optional<int> refinement) {
     pixels_[i] = refinement ? scene.refine(MeshKind::Body, cameraOf(pane), view(), clay, background,
                                            static_cast<int>(i), *refinement, std::move(pixels_[i]))
                             : scene.draw(MeshKind::Body, cameraOf(pane), view(), clay, background,
-                                         1, std::move(pixels_[i]));
+                                         movingSamples_.now(), std::move(pixels_[i]));
 }
 
 }  // namespace doppel

@@ -31,6 +31,8 @@ constexpr std::array<ActionInfo, kActions> kAll{{
     {"zoom-out", kCamera, "a step back"},
     {"orthographic", kCamera, "with perspective or without"},
     {"capture-camera", kCamera, "through the capture's camera"},
+    {"walk", kCamera,
+     "walk with W, A, S, D, E and Q, and look around with the mouse, until a click"},
     {"see-view", kCamera, "see the view that was kept under the digit", Trigger::Digit},
     {"keep-view", kCamera, "keep this view under the digit", Trigger::Digit},
     {"copy-camera", kCamera, "copy the camera as --camera has it"},

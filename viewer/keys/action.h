@@ -29,6 +29,7 @@ enum class Action {
     ZoomOut,
     Orthographic,
     CaptureCamera,
+    Walk,
     SeeView,
     KeepView,
     CopyCamera,

@@ -58,7 +58,7 @@ constexpr std::array<std::pair<Action, const char*>, 33> kCommon{{
 
 // After three.js's OrbitControls and model-viewer; the middle button orbits as well. With Alt the
 // camera goes, too, where a joint is under the mouse.
-constexpr std::array<std::pair<Action, const char*>, 27> kOfGltf{{
+constexpr std::array<std::pair<Action, const char*>, 28> kOfGltf{{
     {Action::Orbit, "left drag  middle drag  Alt + left drag"},
     {Action::Pan,
      "right drag  Shift + left drag  Ctrl + left drag  Shift + right drag  Shift + middle drag  "
@@ -73,6 +73,7 @@ constexpr std::array<std::pair<Action, const char*>, 27> kOfGltf{{
     {Action::Bottom, "Shift + 7  Shift + Numpad 7"},
     {Action::ZoomIn, "plus  Numpad +  ="},
     {Action::ZoomOut, "minus  Numpad -"},
+    {Action::Walk, "Shift + W"},
     {Action::CopyCamera, "Ctrl + Shift + C"},
     {Action::PasteCamera, "Ctrl + Shift + V"},
     {Action::PasteMirrored, "Ctrl + Alt + V"},
@@ -92,7 +93,7 @@ constexpr std::array<std::pair<Action, const char*>, 27> kOfGltf{{
 
 // After Blender 4's own keymap with its "Emulate 3 Button Mouse" and "Emulate Numpad". The left
 // button, which has no box to select with here, orbits as well.
-constexpr std::array<std::pair<Action, const char*>, 32> kOfBlender{{
+constexpr std::array<std::pair<Action, const char*>, 33> kOfBlender{{
     {Action::Orbit, "middle drag  Alt + left drag  left drag"},
     {Action::Pan,
      "Shift + middle drag  Alt + Shift + left drag  Shift + left drag  Shift + wheel  "
@@ -111,6 +112,7 @@ constexpr std::array<std::pair<Action, const char*>, 32> kOfBlender{{
     {Action::OrbitDown, "Numpad 2  2"},
     {Action::ZoomIn, "Numpad +  plus  ="},
     {Action::ZoomOut, "Numpad -  minus"},
+    {Action::Walk, "Shift + `"},
     {Action::CopyCamera, "Ctrl + Alt + C"},
     {Action::PasteCamera, "Ctrl + Alt + V"},
     {Action::PasteMirrored, "Ctrl + Shift + V"},

@@ -42,7 +42,7 @@ void Viewer::handleKeys() {
         if (press.key == GLFW_KEY_ESCAPE && closeList()) continue;
         if (io.WantTextInput) continue;
         const Chord chord = chordOf(press.key, press.modifiers);
-        if (typesIntoDrag(chord)) continue;
+        if (typesIntoDrag(chord) || typesIntoWalk(chord)) continue;
         const std::optional<Action> action = keys_.actionOf(chord);
         if (!action) continue;
         attempt([&] { perform(*action, chord.code - '0'); });
@@ -99,6 +99,8 @@ void Viewer::perform(Action action, int digit) {
             settings_.captureCamera = !settings_.captureCamera;
             if (settings_.captureCamera) showFrames();
             break;
+        case Action::Walk:
+            return beginWalk();
         case Action::SeeView:
             return seeBookmark(digit);
         case Action::KeepView:
@@ -198,7 +200,9 @@ void Viewer::perform(Action action, int digit) {
 }
 
 void Viewer::cancel() {
-    if (drag_ == Drag::Joint || drag_ == Drag::Ring) {
+    if (walk_) {
+        endWalk(false);
+    } else if (drag_ == Drag::Joint || drag_ == Drag::Ring) {
         editor_->cancelGesture();
         endDrag();
     } else if (selected_ || inspected_ || settings_.help) {

@@ -51,6 +51,17 @@ void OrbitCamera::pan(double right, double down, int height) {
     target -= glm::transpose(view().rotation) * glm::dvec3(right * metres, down * metres, 0);
 }
 
+void OrbitCamera::look(double right, double down, int height) {
+    const glm::dvec3 ahead(0, 0, distance);
+    const glm::dvec3 eye = target - glm::transpose(view().rotation) * ahead;
+    orbit(right, down, height);
+    target = eye + glm::transpose(view().rotation) * ahead;
+}
+
+void OrbitCamera::walk(const glm::dvec3& metres) {
+    target += glm::transpose(view().rotation) * metres;
+}
+
 void OrbitCamera::dolly(double factor) {
     if (std::isfinite(factor) && factor > 0)
         distance = std::clamp(distance * factor, kNearest, kFarthest);

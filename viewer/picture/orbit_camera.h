@@ -29,6 +29,10 @@ struct OrbitCamera {
     // Mouse movement in pixels of a picture with this many rows: what is near moves with the mouse.
     void orbit(double right, double down, int height);
     void pan(double right, double down, int height);
+    // The same movement turns it where it stands, as a head turns.
+    void look(double right, double down, int height);
+    // It goes so many metres to its right, down and ahead.
+    void walk(const glm::dvec3& metres);
     // > 1 goes away, < 1 comes nearer.
     void dolly(double factor);
     // The same, so that what is seen at this place stays there: pixels from the picture's middle.

@@ -8,8 +8,10 @@
 #include <imgui.h>
 
 #include <algorithm>
+#include <cfloat>
 #include <cmath>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "viewer/window/icon.h"
@@ -70,6 +72,8 @@ void place(std::span<const PlacedPicture> pictures, const Canvas& canvas, bool l
 struct Window::Parts {
     GLFWwindow* window = nullptr;
     std::vector<KeyPress> keys, keysNow;
+    std::set<int> down;
+    bool mouseHeld = false;
     std::vector<std::filesystem::path> dropped;
     bool touched = false;
     bool imguiReady = false;
@@ -128,9 +132,15 @@ void Window::Parts::listen() {
         return *static_cast<Parts*>(glfwGetWindowUserPointer(w));
     };
     glfwSetKeyCallback(window, [](GLFWwindow* w, int key, int scancode, int action, int modifiers) {
-        of(w).touched = true;
-        if (action != GLFW_RELEASE)
-            of(w).keys.push_back({labelledKey(key, scancode), modifiers, action == GLFW_REPEAT});
+        Parts& p = of(w);
+        p.touched = true;
+        const int labelled = labelledKey(key, scancode);
+        if (action == GLFW_RELEASE) {
+            p.down.erase(labelled);
+            return;
+        }
+        p.down.insert(labelled);
+        p.keys.push_back({labelled, modifiers, action == GLFW_REPEAT});
     });
     glfwSetDropCallback(window, [](GLFWwindow* w, int count, const char** paths) {
         of(w).touched = true;
@@ -145,7 +155,10 @@ void Window::Parts::listen() {
     glfwSetCursorPosCallback(window, [](GLFWwindow* w, double, double) { of(w).touched = true; });
     glfwSetScrollCallback(window, [](GLFWwindow* w, double, double) { of(w).touched = true; });
     glfwSetCursorEnterCallback(window, [](GLFWwindow* w, int) { of(w).touched = true; });
-    glfwSetWindowFocusCallback(window, [](GLFWwindow* w, int) { of(w).touched = true; });
+    glfwSetWindowFocusCallback(window, [](GLFWwindow* w, int focused) {
+        of(w).touched = true;
+        if (!focused) of(w).down.clear();  // whoever has the keyboard hears of their release
+    });
     glfwSetWindowIconifyCallback(window, [](GLFWwindow* w, int) { of(w).touched = true; });
     glfwSetWindowContentScaleCallback(window,
                                       [](GLFWwindow* w, float, float) { of(w).touched = true; });
@@ -235,6 +248,7 @@ void Window::beginFrame() {
         applyLook(*p.look);
     }
     ImGui_ImplGlfw_NewFrame();
+    if (p.mouseHeld) ImGui::GetIO().MousePos = {-FLT_MAX, -FLT_MAX};
     ImGui::NewFrame();
 }
 
@@ -266,6 +280,16 @@ void Window::setLook(double scale, Theme theme) {
 }
 
 bool Window::blueFirst() const { return parts_->swapchain->blueFirst(); }
+void Window::holdMouse(bool hold) {
+    parts_->mouseHeld = hold;
+    glfwSetInputMode(parts_->window, GLFW_CURSOR, hold ? GLFW_CURSOR_DISABLED : GLFW_CURSOR_NORMAL);
+}
+glm::dvec2 Window::mouse() const {
+    glm::dvec2 at{};
+    glfwGetCursorPos(parts_->window, &at.x, &at.y);
+    return at;
+}
+bool Window::isDown(int key) const { return parts_->down.contains(key); }
 const std::vector<KeyPress>& Window::keys() const { return parts_->keysNow; }
 void Window::setTitle(const std::string& title) {
     glfwSetWindowTitle(parts_->window, title.c_str());

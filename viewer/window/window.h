@@ -8,6 +8,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <glm/glm.hpp>
 #include <memory>
 #include <span>
 #include <string>
@@ -76,6 +77,13 @@ public:
     // The interface's own scale and colours from the next frame on.
     void setLook(double scale, Theme theme);
     bool blueFirst() const;
+    // Hides the mouse and lets it go on for ever, as for looking around: Dear ImGui does not see it
+    // until it is let go, which puts it back where it was.
+    void holdMouse(bool hold);
+    // Where it is: window coordinates, beyond the window while it is held.
+    glm::dvec2 mouse() const;
+    // Whether the key is down; numbered as KeyPress has it.
+    bool isDown(int key) const;
     // Keys since the last begin(), in their order.
     const std::vector<KeyPress>& keys() const;
     void setTitle(const std::string& title);
