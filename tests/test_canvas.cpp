@@ -30,8 +30,10 @@ protected:
     void indices(std::initializer_list<ImDrawIdx> values) {
         for (ImDrawIdx value : values) list_.IdxBuffer.push_back(value);
     }
-    void draw(ImVec4 clip = {0, 0, kWidth, kHeight}, bool blueFirst = false, float scale = 1) {
+    void draw(ImVec4 clip = {0, 0, kWidth, kHeight}, bool blueFirst = false, float scale = 1,
+              CanvasImage* image = nullptr) {
         ImDrawCmd command{};
+        command.TextureId = image;
         command.ClipRect = clip;
         command.ElemCount = static_cast<unsigned>(list_.IdxBuffer.Size);
         list_.CmdBuffer.push_back(command);
@@ -62,6 +64,27 @@ protected:
     ImDrawList list_;
     std::vector<uint32_t> pixels_;
 };
+
+// Pixel by pixel where it is as large as its place, and cut where the clip ends.
+TEST_F(CanvasTest, ImagesFillTheirRectangle) {
+    CanvasImage image{3, 2, {1, 2, 3, 4, 5, 6}};
+    for (uint32_t& pixel : image.pixels) pixel |= 0xff000000u;
+    rectangle({10, 20}, {13, 22}, IM_COL32_WHITE, {0, 0}, {1, 1});
+    draw({0, 0, 12, kHeight}, false, 1, &image);
+    EXPECT_EQ(at(10, 20), image.pixels[0]);
+    EXPECT_EQ(at(11, 20), image.pixels[1]);
+    EXPECT_EQ(at(12, 20), kBackground) << "beyond the clip";
+    EXPECT_EQ(at(10, 21), image.pixels[3]);
+    EXPECT_EQ(at(11, 21), image.pixels[4]);
+    EXPECT_EQ(at(9, 20), kBackground);
+    EXPECT_EQ(at(10, 22), kBackground);
+    // Twice as large, mirrored.
+    rectangle({30, 20}, {36, 24}, IM_COL32_WHITE, {1, 0}, {0, 1});
+    draw({0, 0, kWidth, kHeight}, false, 1, &image);
+    EXPECT_EQ(at(30, 20), image.pixels[2]);
+    EXPECT_EQ(at(31, 21), image.pixels[2]);
+    EXPECT_EQ(at(35, 23), image.pixels[3]);
+}
 
 TEST_F(CanvasTest, TrianglesThatShareEdgesCoverEachPixelOnce) {
     std::mt19937 random(7);

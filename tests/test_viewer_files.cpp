@@ -61,7 +61,6 @@ TEST_F(ViewerTest, AnotherAvatarTakesPoseMotionAndView) {
     EXPECT_LT(difference(picture(), whole), .001);
 }
 
-// Poses are kept as files, which are chosen by their figures, named and forgotten.
 // By what they hold; what is nothing of that says what to do.
 TEST_F(ViewerTest, WhatIsOpenedTellsByContentWhatItIs) {
     Viewer& viewer = open();
@@ -92,6 +91,7 @@ TEST_F(ViewerTest, WhatIsOpenedTellsByContentWhatItIs) {
         << refusal(*folder_ / "notes.txt");
 }
 
+// Poses are kept as files, which are chosen by their pictures, named and forgotten.
 TEST_F(ViewerTest, PosesAreKeptForAllAvatars) {
     ViewerOptions options;
     options.width = 980, options.height = 740;
@@ -113,6 +113,21 @@ TEST_F(ViewerTest, PosesAreKeptForAllAvatars) {
     clickItem("kept poses");
     clickItem("keep this pose");
     EXPECT_TRUE(fs::exists(poses / "pose 1.json"));
+    const auto shownOf = [&](const std::string& pose) {
+        const auto item = std::ranges::find(drawnItems(), "pose: " + pose, &DrawnItem::label);
+        screen_->move(20, 20);
+        settle();
+        return screen_->grab(static_cast<int>(item->low.x) + 2, static_cast<int>(item->low.y) + 2,
+                             static_cast<int>(item->high.x - item->low.x) - 4,
+                             static_cast<int>(item->high.y - item->low.y) - 4);
+    };
+    const Image picture = shownOf("pose 1");
+    int body = 0;
+    for (int y = 0; y < picture.height; ++y)
+        for (int x = 0; x < picture.width; ++x)
+            body += !std::equal(picture.pixel(x, y), picture.pixel(x, y) + 3, picture.pixel(0, 0));
+    EXPECT_GT(body, .1 * picture.width * picture.height) << "the avatar is in it";
+    EXPECT_LT(body, .7 * picture.width * picture.height);
     viewer.editor().setPose(straight);
     settle();
     const size_t steps = viewer.editor().steps();

@@ -1,9 +1,9 @@
-// What is kept to come back to: views, each under a digit, and poses, as stick figures seen
-// from the front.
+// What is kept to come back to: views, each under a digit, and poses, as pictures.
 #include <imgui.h>
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "viewer/viewer.h"
 #include "viewer/widgets.h"
@@ -12,7 +12,7 @@ namespace doppel {
 
 namespace {
 
-constexpr float kWidth = 56, kHeight = 72;  // of a figure, window units
+constexpr float kWidth = 72, kHeight = 96;  // of a pose's picture, window units
 
 // "Ctrl + 3" of "Ctrl + digit".
 std::string withDigit(std::string keys, int digit) {
@@ -20,34 +20,6 @@ std::string withDigit(std::string keys, int digit) {
     if (keys.ends_with(kWord))
         keys.replace(keys.size() - kWord.size(), kWord.size(), 1, static_cast<char>('0' + digit));
     return keys;
-}
-
-// Its joints within a box of kWidth by kHeight times `unit`, at `corner`.
-void drawFigure(ImDrawList& list, const Skeleton& skeleton, Pose pose, ImVec2 corner, float unit) {
-    pose.trans = {};
-    const PosedSkeleton posed = forwardKinematics(skeleton, pose);
-    glm::dvec2 low(1e9), high(-1e9);
-    for (const glm::dvec3& place : posed.position) {
-        low = glm::min(low, glm::dvec2(place));
-        high = glm::max(high, glm::dvec2(place));
-    }
-    const glm::dvec2 box = glm::dvec2(kWidth - 14, kHeight - 18) * double(unit),
-                     size = glm::max(high - low, glm::dvec2(1e-3));
-    const double scale = std::min(box.x / size.x, box.y / size.y);
-    const glm::dvec2 middle = glm::dvec2(corner.x, corner.y) +
-                              glm::dvec2(kWidth, kHeight + 6) * double(unit) / 2. -
-                              scale * (low + high) / 2.;
-    const auto at = [&](size_t joint) {
-        const glm::dvec2 place = middle + scale * glm::dvec2(posed.position[joint]);
-        return ImVec2(static_cast<float>(place.x), static_cast<float>(place.y));
-    };
-    for (size_t j = 1; j < joint::kCount; ++j) {
-        const ImU32 colour = oppositeJoint(j) == j  ? ImGui::GetColorU32(ImGuiCol_Text)
-                             : oppositeJoint(j) > j ? IM_COL32(90, 150, 240, 255)   // her left
-                                                    : IM_COL32(230, 140, 60, 255);  // and right
-        list.AddLine(at(static_cast<size_t>(skeleton.parents[j])), at(j), colour, 2 * unit);
-    }
-    list.AddCircleFilled(at(joint::kHead), 4 * unit, ImGui::GetColorU32(ImGuiCol_Text));
 }
 
 }  // namespace
@@ -109,18 +81,47 @@ void Viewer::drawBookmarks() {
         undoCamera(undone);
 }
 
+// In the avatar's own colours, without what it is shown with: they do not change with that.
+void Viewer::usePosePictures() {
+    const double scale = window_.unit() * window_.scale();
+    const ImVec4 behind = ImGui::GetStyleColorVec4(ImGuiCol_FrameBg);
+    posePictures_.use(
+        {.avatar = avatar_.get(),
+         .betas = editor_->betas(),
+         .width = static_cast<int>(std::lround(kWidth * scale)),
+         .height = static_cast<int>(std::lround(kHeight * scale)),
+         .behind = {behind.x, behind.y, behind.z},
+         .shade = {.paint = static_cast<uint32_t>(avatar_->textured ? kPaintTexture : kPaintClay),
+                   .blueFirst = window_.blueFirst()}});
+    poseDrawn_ = false;
+}
+
+// One of them is drawn in a frame, and none while something moves. Null: not yet.
+const CanvasImage* Viewer::pictureOf(const KeptPose& kept) {
+    if (const CanvasImage* image = posePictures_.find(kept.name, kept.pose)) return image;
+    framesToDraw_ = std::max(framesToDraw_, 2);
+    if (poseDrawn_ || interacting()) return nullptr;
+    poseDrawn_ = true;
+    useTexture(TextureKind::Coarse);
+    posePictures_.draw(kept.name, kept.pose, *scene_);
+    const Pose pose = editor_->pose();
+    scene_->setPose(thetaOf(pose), transOf(pose), editor_->betas());
+    return posePictures_.find(kept.name, kept.pose);
+}
+
 void Viewer::drawKeptPoses() {
     const bool open = ImGui::CollapsingHeader("kept poses");
     noteItem("kept poses");
-    tip("Poses for this avatar and all others: figures to choose from.");
+    tip("Poses for this avatar and all others: pictures to choose from.");
     if (!open) return;
-    if (button("keep this pose", "Adds what is seen to the figures below."))
+    if (button("keep this pose", "Adds what is seen to the pictures below."))
         attempt([&] {
             poseTaken_ = library_.poses()[library_.keep(editor_->pose(), editor_->betas())].name;
         });
     const auto unit = static_cast<float>(window_.unit());
     const float space = ImGui::GetStyle().ItemSpacing.x, wide = ImGui::GetContentRegionAvail().x;
     const int perRow = std::max(1, static_cast<int>((wide + space) / (kWidth * unit + space)));
+    usePosePictures();
     std::string taken;
     int count = 0;
     for (const KeptPose& kept : library_.poses()) {
@@ -129,13 +130,17 @@ void Viewer::drawKeptPoses() {
         if (ImGui::InvisibleButton("figure", {kWidth * unit, kHeight * unit})) taken = kept.name;
         const ImVec2 low = ImGui::GetItemRectMin(), high = ImGui::GetItemRectMax();
         ImDrawList& list = *ImGui::GetWindowDrawList();
-        list.AddRectFilled(
-            low, high,
-            ImGui::GetColorU32(ImGui::IsItemHovered() ? ImGuiCol_FrameBgHovered : ImGuiCol_FrameBg),
-            3 * unit);
-        if (kept.name == poseTaken_)
-            list.AddRect(low, high, ImGui::GetColorU32(ImGuiCol_CheckMark), 3 * unit);
-        drawFigure(list, skeleton(), kept.pose, low, unit);
+        if (ImGui::IsItemVisible()) {
+            if (const CanvasImage* image = pictureOf(kept))
+                // It is no texture of a GPU's, and is not written to.
+                list.AddImage(const_cast<CanvasImage*>(image), low, high);
+            else
+                list.AddRectFilled(low, high, ImGui::GetColorU32(ImGuiCol_FrameBg));
+        }
+        if (kept.name == poseTaken_ || ImGui::IsItemHovered())
+            list.AddRect(
+                low, high,
+                ImGui::GetColorU32(kept.name == poseTaken_ ? ImGuiCol_CheckMark : ImGuiCol_Text));
         noteItem("pose: " + kept.name);
         tip(kept.name + ": takes how its joints are turned; with Shift, mirrored.");
         ImGui::PopID();

@@ -107,8 +107,9 @@ void Viewer::drawOverlays() {
         list.PopClipRect();
     }
     if (walk_) {
-        drawLabel({12 * unit, 12 * unit}, "W A S D: walk; E, Q: up, down; Shift: fast; Alt: slow");
-        drawLabel({12 * unit, 38 * unit}, "a click or Enter: stay; Escape: back");
+        const float top = settings_.figures ? 44 : 12;  // below those
+        drawLabel({12 * unit, top * unit}, "W A S D: walk; E, Q: up, down; Shift: fast; Alt: slow");
+        drawLabel({12 * unit, (top + 28) * unit}, "a click or Enter: stay; Escape: back");
     }
     std::string atMouse = turnedText();
     if (hovered_ && drag_ == Drag::None) {

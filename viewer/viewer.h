@@ -33,6 +33,7 @@
 #include "viewer/picture/orbit_camera.h"
 #include "viewer/picture/painter.h"
 #include "viewer/picture/pane.h"
+#include "viewer/picture/pose_pictures.h"
 #include "viewer/picture/scene.h"
 #include "viewer/pose/ik.h"
 #include "viewer/pose/pose_editor.h"
@@ -442,6 +443,8 @@ private:
     void keepView(int digit);
     void seeBookmark(int digit);
     void drawBookmarks();
+    void usePosePictures();
+    const CanvasImage* pictureOf(const KeptPose& kept);
 
     // panel.cpp
     void drawPanel();
@@ -616,6 +619,8 @@ private:
 
     // What is not saved.
     PoseLibrary library_;
+    PosePictures posePictures_;
+    bool poseDrawn_ = false;                // one of them, in this frame
     std::string poseTaken_;                 // the kept pose that was taken last
     std::optional<std::string> poseNamed_;  // its new name while it is typed
     std::filesystem::path motionFile_;      // that was opened last; empty: none, or it was closed

@@ -64,6 +64,31 @@ public:
         }
     }
 
+    // The part of the image that the corners say.
+    void image(const Corner& a, const Corner& c, const CanvasImage& image) {
+        const int x0 = std::max(left_, firstCentre(a.x)), x1 = std::min(right_, firstCentre(c.x));
+        const int y0 = std::max(top_, firstCentre(a.y)), y1 = std::min(bottom_, firstCentre(c.y));
+        const auto nearest = [](float part, int size) {
+            return static_cast<size_t>(
+                std::clamp(static_cast<int>(part * static_cast<float>(size)), 0, size - 1));
+        };
+        for (int y = y0; y < y1; ++y) {
+            const std::span<uint32_t> row = canvas_.row(y);
+            const size_t line =
+                nearest(std::lerp(a.v, c.v, (static_cast<float>(y) + .5f - a.y) / (c.y - a.y)),
+                        image.height) *
+                static_cast<size_t>(image.width);
+            for (int x = x0; x < x1; ++x) {
+                const float u =
+                    std::lerp(a.u, c.u, (static_cast<float>(x) + .5f - a.x) / (c.x - a.x));
+                blend(row[static_cast<size_t>(x)],
+                      (image.pixels[line + nearest(u, image.width)] & 0xffffff) |
+                          (a.colour & 0xff000000u),
+                      255);
+            }
+        }
+    }
+
     void triangle(const Corner& a, const Corner& b, const Corner& c) {
         std::array<const Corner*, 3> corners{&a, &b, &c};
         std::array<int64_t, 3> x{}, y{};
@@ -240,11 +265,16 @@ void drawInterface(const ImDrawData& data, const FontAtlas& font, const Canvas& 
                             (command.ClipRect.y - origin.y) * scale.y,
                             (command.ClipRect.z - origin.x) * scale.x,
                             (command.ClipRect.w - origin.y) * scale.y);
+            const auto* image = static_cast<const CanvasImage*>(command.GetTexID());
             const ImDrawIdx* index = list.IdxBuffer.Data + command.IdxOffset;
             const ImDrawVert* vertex = list.VtxBuffer.Data + command.VtxOffset;
             for (const ImDrawIdx* end = index + command.ElemCount; index < end;) {
                 if (end - index >= 6 && isRectangle(index, vertex)) {
-                    rasterizer.rectangle(corner(vertex[index[0]]), corner(vertex[index[2]]));
+                    const Corner a = corner(vertex[index[0]]), c = corner(vertex[index[2]]);
+                    if (image)
+                        rasterizer.image(a, c, *image);
+                    else
+                        rasterizer.rectangle(a, c);
                     index += 6;
                 } else {
                     rasterizer.triangle(corner(vertex[index[0]]), corner(vertex[index[1]]),

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <vector>
 
 struct ImDrawData;
 
@@ -27,8 +28,16 @@ struct FontAtlas {
     const uint8_t* texels = nullptr;
 };
 
+// An opaque picture in the interface, in the canvas' order of bytes: ImGui::AddImage takes its
+// address for a texture. It lives until the interface is drawn.
+struct CanvasImage {
+    int width = 0, height = 0;
+    std::vector<uint32_t> pixels;
+};
+
 // Blends the triangles over the canvas in their order, with the top-left rule: those that share an
-// edge cover each of its pixels once. The atlas is the only texture and is sampled bilinearly.
+// edge cover each of its pixels once. The atlas is sampled bilinearly; a CanvasImage fills upright
+// rectangles, each pixel with the nearest of it.
 void drawInterface(const ImDrawData& data, const FontAtlas& font, const Canvas& canvas);
 
 }  // namespace doppel
