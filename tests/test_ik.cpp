@@ -5,6 +5,7 @@
 
 #include "engine/error.h"
 #include "tests/posed_body.h"
+#include "viewer/pose/stepping.h"
 
 namespace doppel {
 namespace {
@@ -409,6 +410,71 @@ TEST(Ik, ReachesFarOverPinnedFeetWithoutFallingOver) {
                             posed.position[joint::kLeftHand] + glm::dvec3(0, -.6, .3)),
               2e-3);
     EXPECT_EQ(outOfBalance(posed, {}), 0);
+}
+
+constexpr std::array<size_t, 2> kAnkles{joint::kLeftAnkle, joint::kRightAnkle};
+const glm::dvec3 kUp(0, 1, 0);
+
+// The joint pulled there from standing, over feet that may step or not.
+Pose pulled(size_t joint, const glm::dvec3& by, bool steps) {
+    const Pose from = standing();
+    const PosedSkeleton posed = forwardKinematics(skeleton(), from);
+    std::vector<IkTarget> targets{{joint, posed.position[joint] + by}};
+    for (size_t foot : kAnkles) targets.push_back(pinnedAt(posed, foot));
+    return steps ? solveWithSteps(skeleton(), from, targets, kAnkles, kUp)
+                 : solveIk(skeleton(), from, targets);
+}
+
+// A hand that is pulled further than the body reaches: the feet step along the ground, the hand
+// arrives, and the body stays over its feet and more upright than without.
+TEST(Ik, FeetStepTowardsWhatIsOutOfReach) {
+    const Pose from = standing();
+    const PosedSkeleton posed = forwardKinematics(skeleton(), from);
+    const auto lean = [](const PosedSkeleton& body) {
+        const glm::dvec3 trunk = body.position[joint::kNeck] - body.position[joint::kPelvis];
+        return std::acos(trunk.y / glm::length(trunk));
+    };
+    for (const glm::dvec3& by : {glm::dvec3(0, .2, 1), glm::dvec3(1.1, .1, .2),
+                                 glm::dvec3(-.3, .1, 1.6), glm::dvec3(0, .2, -1)}) {
+        const Pose pose = pulled(joint::kLeftHand, by, true);
+        const PosedSkeleton now = forwardKinematics(skeleton(), pose),
+                            held =
+                                forwardKinematics(skeleton(), pulled(joint::kLeftHand, by, false));
+        const glm::dvec3 goal = posed.position[joint::kLeftHand] + by;
+        EXPECT_GT(glm::distance(held.position[joint::kLeftHand], goal), .03) << "out of reach";
+        EXPECT_LT(glm::distance(now.position[joint::kLeftHand], goal), .02) << by.x << " " << by.z;
+        expectWithinLimits(pose, "a step");
+        double farthest = 0;
+        for (size_t foot : kAnkles) {
+            const glm::dvec3 moved = now.position[foot] - posed.position[foot];
+            EXPECT_LT(std::abs(moved.y), 5e-3) << "on the ground";
+            farthest = std::max(farthest, glm::length(moved));
+        }
+        EXPECT_GT(farthest, .1);
+        EXPECT_LT(glm::distance(now.position[kAnkles[0]], now.position[kAnkles[1]]), .75);
+        EXPECT_LT(outOfBalance(now, kAnkles), .08);
+        EXPECT_LT(lean(now), lean(held) + 1 * kDegree);
+    }
+}
+
+TEST(Ik, FeetStayWhereTheBodyReaches) {
+    const glm::dvec3 near(.1, .3, .25);
+    EXPECT_EQ(pulled(joint::kLeftHand, near, true), pulled(joint::kLeftHand, near, false));
+}
+
+// Nothing jumps where a foot begins to go, nor where the other one comes after it.
+TEST(Ik, StepsGrowWithTheWay) {
+    constexpr double kReach = .3;  // without a step
+    Pose last = pulled(joint::kLeftHand, {0, .2, kReach}, true);
+    EXPECT_EQ(last, pulled(joint::kLeftHand, {0, .2, kReach}, false));
+    for (double far = kReach + .02; far < 1.9; far += .02) {
+        const Pose pose = pulled(joint::kLeftHand, {0, .2, far}, true);
+        EXPECT_LT(largestTurn(pose, last), 15 * kDegree) << far;
+        for (size_t foot : kAnkles)
+            EXPECT_LT(glm::distance(placeOf(pose, foot), placeOf(last, foot)), .09) << far;
+        last = pose;
+    }
+    EXPECT_GT(last.trans.z, .8) << "the body has come along";
 }
 
 // A body whose parts are where they are known to be.

@@ -123,6 +123,32 @@ TEST_F(ViewerTest, TheFloorHoldsFeetWhileTheRootIsDragged) {
     EXPECT_LT(moved(joint::kRightAnkle), .003);
 }
 
+// A hand that is pulled away takes the body along on its feet, unless a foot is pinned.
+TEST_F(ViewerTest, FeetOnTheFloorStepAfterAHand) {
+    Viewer& viewer = open();
+    viewer.settings().holdFeet = true;
+    const PosedSkeleton began = viewer.posed();
+    const glm::dvec2 wrist = at(joint::kLeftWrist), goal = wrist + glm::dvec2(150, -20);
+    const auto gone = [&](size_t joint) {
+        return glm::distance(viewer.posed().position[joint], began.position[joint]);
+    };
+    drag(wrist, goal);
+    EXPECT_LT(glm::distance(at(joint::kLeftWrist), goal), 4);
+    EXPECT_GT(gone(joint::kLeftAnkle), .2) << "the foot on that side";
+    EXPECT_GT(gone(joint::kPelvis), .1);
+    for (size_t ankle : {joint::kLeftAnkle, joint::kRightAnkle})
+        EXPECT_NEAR(viewer.posed().position[ankle].y, began.position[ankle].y, .01);
+    keyWith("Control_L", "z");
+    EXPECT_LT(gone(joint::kLeftAnkle), 1e-6);
+
+    screen_->move(at(joint::kRightAnkle).x, at(joint::kRightAnkle).y);
+    turn();
+    screen_->key("p");
+    turn();
+    drag(wrist, goal);
+    for (size_t ankle : {joint::kLeftAnkle, joint::kRightAnkle}) EXPECT_LT(gone(ankle), .01);
+}
+
 TEST_F(ViewerTest, WhatIsDraggedStopsAtTheFloor) {
     Viewer& viewer = open();
     const auto height = [&] { return *viewer.height(MeshKind::Body); };

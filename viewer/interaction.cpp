@@ -9,6 +9,7 @@
 
 #include "viewer/overlays.h"
 #include "viewer/pose/ground_contact.h"
+#include "viewer/pose/stepping.h"
 #include "viewer/viewer.h"
 
 namespace doppel {
@@ -183,7 +184,13 @@ std::set<size_t> Viewer::pinsOfDrag(const PosedSkeleton& began) {
 // `dragged` targets by what would be below it.
 Pose Viewer::solvedAboveFloor(std::vector<IkTarget> targets, size_t dragged) {
     const IkOptions options{.limits = settings_.limits, .balance = settings_.balance};
-    Pose solved = solveIk(skeleton(), dragBegan_, targets, options);
+    const auto solve = [&] {
+        if (!feetStep(targets)) return solveIk(skeleton(), dragBegan_, targets, options);
+        return solveWithSteps(
+            skeleton(), dragBegan_, targets, {joint::kLeftAnkle, joint::kRightAnkle},
+            glm::transpose(worldToFloor()->rotation) * glm::dvec3(0, 1, 0), options);
+    };
+    Pose solved = solve();
     const std::optional<RigidMotion> floor = settings_.aboveFloor ? worldToFloor() : std::nullopt;
     if (!floor) return solved;
     const auto lowestOf = [&](const Pose& pose) {
@@ -198,9 +205,20 @@ Pose Viewer::solvedAboveFloor(std::vector<IkTarget> targets, size_t dragged) {
         const double below = least - lowestOf(solved);
         if (below < kClose) break;
         for (size_t k = 0; k < dragged; ++k) targets[k].position += below * up;
-        solved = solveIk(skeleton(), dragBegan_, targets, options);
+        solved = solve();
     }
     return solved;
+}
+
+// Both feet are held by the floor, and by nothing else.
+bool Viewer::feetStep(std::span<const IkTarget> targets) const {
+    const auto held = [&](size_t ankle) {
+        return !pins_.contains(ankle) && std::ranges::any_of(targets, [&](const IkTarget& target) {
+            return target.pinned && target.joint == ankle;
+        });
+    };
+    return settings_.holdFeet && settings_.steps && held(joint::kLeftAnkle) &&
+           held(joint::kRightAnkle);
 }
 
 bool Viewer::editsBothSides(size_t joint) const {

@@ -293,6 +293,13 @@ void Viewer::drawPoseTab() {
     checkbox("feet hold to the floor",
              "Feet that stand on the floor stay there while the body or a hand is dragged.",
              settings_.holdFeet);
+    if (settings_.holdFeet) {
+        beside("feet step");
+        checkbox("feet step",
+                 "A foot on the floor follows what is pulled further than the body reaches, "
+                 "unless it is pinned.",
+                 settings_.steps);
+    }
     beside("nothing below the floor");
     checkbox("nothing below the floor", "What is dragged stops at the floor.",
              settings_.aboveFloor);

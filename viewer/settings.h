@@ -67,6 +67,7 @@ struct ViewSettings {
     int ghosts = 0, ghostSpacing = 5;  // to each side; frames
     bool joints = true, limits = true, balance = true;
     bool holdFeet = false;    // the floor holds feet that stand on it while something is dragged
+    bool steps = true;        // and step where that is pulled further than the body reaches
     bool aboveFloor = false;  // nothing is dragged below the floor
     RingAxes ringAxes = RingAxes::Own;
     bool symmetric = false;         // what is done to one side is done to the other

@@ -402,6 +402,7 @@ private:
     glm::dmat3 ringAxes(const PosedSkeleton& body) const;
     std::set<size_t> pinsOfDrag(const PosedSkeleton& began);
     Pose solvedAboveFloor(std::vector<IkTarget> targets, size_t dragged);
+    bool feetStep(std::span<const IkTarget> targets) const;
     // Whether what is done to this joint is done to the one across, which no pin holds.
     bool editsBothSides(size_t joint) const;
     // What an edit of the joint makes of `began`: within limits, on both sides.

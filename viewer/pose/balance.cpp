@@ -28,13 +28,14 @@ glm::dvec2 wayOut(const glm::dvec2& p, std::span<const glm::dvec2> corners) {
     return way;
 }
 
-void addFoot(const PosedSkeleton& posed, size_t joint, std::vector<glm::dvec2>& corners) {
+void addFoot(const PosedSkeleton& posed, size_t joint, const glm::dvec3& moved,
+             std::vector<glm::dvec2>& corners) {
     const bool left =
         joint == joint::kLeftAnkle || joint == joint::kLeftFoot || joint == joint::kLeftKnee;
     const size_t ankle = left ? joint::kLeftAnkle : joint::kRightAnkle,
                  ball = left ? joint::kLeftFoot : joint::kRightFoot;
-    corners.push_back(fromAbove(posed.position[ankle]));
-    corners.push_back(fromAbove(posed.position[ball]));
+    corners.push_back(fromAbove(posed.position[ankle] + moved));
+    corners.push_back(fromAbove(posed.position[ball] + moved));
 }
 
 glm::dvec3 centreOfMass(const PosedSkeleton& posed) {
@@ -45,7 +46,7 @@ glm::dvec3 centreOfMass(const PosedSkeleton& posed) {
 
 double outOfBalance(const PosedSkeleton& posed, std::span<const size_t> feet) {
     std::vector<glm::dvec2> corners;
-    for (size_t foot : feet) addFoot(posed, foot, corners);
+    for (size_t foot : feet) addFoot(posed, foot, glm::dvec3(0), corners);
     return corners.empty() ? 0 : glm::length(wayOut(fromAbove(centreOfMass(posed)), corners));
 }
 

@@ -20,8 +20,9 @@ inline glm::dvec2 fromAbove(const glm::dvec3& p) { return {p.x, p.z}; }
 glm::dvec2 wayOut(const glm::dvec2& p, std::span<const glm::dvec2> corners);
 
 // What the foot of this leg stands on, as seen from above: ankle and ball, the joints of SMPL that
-// have a place there. joint: one of the leg, below the hip.
-void addFoot(const PosedSkeleton& posed, size_t joint, std::vector<glm::dvec2>& corners);
+// have a place there, moved by so much. joint: one of the leg, below the hip.
+void addFoot(const PosedSkeleton& posed, size_t joint, const glm::dvec3& moved,
+             std::vector<glm::dvec2>& corners);
 
 // How far the centre of mass is outside of what these feet span, metres; 0 inside, and where there
 // are none.

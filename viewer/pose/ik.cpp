@@ -76,17 +76,16 @@ private:
         double longest = 0;
         for (const IkTarget& goal : goals) {
             from.push_back(now_.position[goal.joint]);
-            if (!goal.pinned)
-                longest = std::max(longest, glm::distance(from.back(), goal.position));
+            longest = std::max(longest, glm::distance(from.back(), goal.position));
         }
         ease_ = kLeadingEase;
         const int count = std::max(1, static_cast<int>(std::ceil(longest / kLeadingStep)));
         for (int i = 1; i <= count; ++i) {
             for (size_t t = 0; t < goals.size(); ++t)
-                if (!goals[t].pinned)
-                    targets_[t].position =
-                        i == count ? goals[t].position
-                                   : glm::mix(from[t], goals[t].position, double(i) / count);
+                targets_[t].position =
+                    i == count || from[t] == goals[t].position
+                        ? goals[t].position
+                        : glm::mix(from[t], goals[t].position, double(i) / count);
             // The way may have led past where the limb is straight.
             bendStraightHinges();
             descend(kLeadingSteps);

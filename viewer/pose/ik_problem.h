@@ -224,7 +224,8 @@ protected:
         for (const IkTarget& target : targets_)
             if (target.pinned && (skeleton_.hangsOn(target.joint, joint::kLeftKnee) ||
                                   skeleton_.hangsOn(target.joint, joint::kRightKnee)))
-                addFoot(posed, target.joint, support_);
+                addFoot(posed, target.joint, target.position - posed.position[target.joint],
+                        support_);
         // Whoever leant out before may go on to, so that nothing jumps when it is touched.
         if (!support_.empty()) support_.push_back(fromAbove(centreOfMass(posed)));
     }

@@ -10,8 +10,8 @@ struct IkTarget {
     size_t joint = 0;
     glm::dvec3 position{};  // metres, the pose's space
     double weight = 1;      // of its squared distance against those of other targets
-    // Something that is held where it is (a foot on the ground): its joints move to keep it there,
-    // it does not move them. It keeps its orientation too, within its joint's range.
+    // Something that is held (a foot on the ground): its joints move to keep it there, it does not
+    // move them. It keeps its orientation too, within its joint's range.
     bool pinned = false;
     glm::dmat3 orientation{1};  // of a pin: G_j
 };
