@@ -18,6 +18,23 @@ bool environmentSays(const char* name, std::string_view value) {
     return set && set == value;
 }
 
+// "GPU-" and the UUID in its usual groups.
+std::string uuidText(const std::array<uint8_t, VK_UUID_SIZE>& uuid) {
+    std::string text = "GPU-";
+    for (size_t i = 0; i < uuid.size(); ++i)
+        text += fmt::format("{}{:02x}", i == 4 || i == 6 || i == 8 || i == 10 ? "-" : "", uuid[i]);
+    return text;
+}
+
+std::vector<DeviceInfo> describeAll(VkInstance instance, const std::filesystem::path& limits) {
+    std::vector<DeviceInfo> infos;
+    for (VkPhysicalDevice physical : physicalDevices(instance))
+        infos.push_back(
+            describeDevice(instance, physical, static_cast<uint32_t>(infos.size()), limits));
+    leaveToOthers(infos, [](const char* name) { return std::getenv(name); });
+    return infos;
+}
+
 std::filesystem::path limitsWanted(const DeviceOptions& options) {
     if (!options.limits.empty()) return options.limits;
     const char* set = std::getenv("DOPPEL_DEVICE_LIMITS");
@@ -39,6 +56,43 @@ bool matches(const DeviceInfo& info, const std::string& wanted) {
     return lower(info.name).find(lower(wanted)) != std::string::npos;
 }
 
+void leaveToOthers(std::span<DeviceInfo> devices,
+                   const std::function<const char*(const char*)>& variable) {
+    constexpr std::pair<uint32_t, const char*> kVariables[] = {{0x10de, "CUDA_VISIBLE_DEVICES"},
+                                                               {0x1002, "ROCR_VISIBLE_DEVICES"}};
+    for (const auto& [vendor, name] : kVariables) {
+        const char* set = variable(name);
+        if (!set) continue;
+        std::vector<DeviceInfo*> own;
+        for (DeviceInfo& info : devices)
+            if (info.vendor == vendor) own.push_back(&info);
+        std::ranges::stable_sort(own, {}, &DeviceInfo::busAddress);
+
+        const std::string_view text(set);
+        const bool none = text == "NoDevFiles";  // as Slurm says that a job has no GPU
+        std::vector<const DeviceInfo*> named;
+        for (size_t begin = 0; !none && begin < text.size();) {
+            const size_t end = std::min(text.find(',', begin), text.size());
+            const std::string_view word = text.substr(begin, end - begin);
+            begin = end + 1;
+            size_t place = 0;
+            const auto [rest, error] =
+                std::from_chars(word.data(), word.data() + word.size(), place);
+            const bool number = error == std::errc() && rest == word.data() + word.size();
+            for (size_t i = 0; i < own.size(); ++i) {
+                const std::string uuid = uuidText(own[i]->uuid);
+                // A part of it will do, as CUDA has it.
+                if (number ? i == place : word.size() > 4 && uuid.starts_with(word))
+                    named.push_back(own[i]);
+            }
+        }
+        if (named.empty() && !none) continue;
+        for (DeviceInfo* info : own)
+            if (std::ranges::count(named, info) == 0)
+                info->refusals.push_back(fmt::format("left to others by {}={}", name, text));
+    }
+}
+
 Precision precisionNamed(std::string_view name) {
     if (name == "fp32") return Precision::Single;
     if (name == "mixed") return Precision::Mixed;
@@ -51,10 +105,7 @@ const char* precisionName(Precision precision) {
 
 std::vector<DeviceInfo> Device::list() {
     VkInstance instance = createInstance(false);
-    std::vector<DeviceInfo> infos;
-    for (VkPhysicalDevice physical : physicalDevices(instance))
-        infos.push_back(describeDevice(instance, physical, static_cast<uint32_t>(infos.size()),
-                                       limitsWanted({})));
+    std::vector<DeviceInfo> infos = describeAll(instance, limitsWanted({}));
     destroyInstance(instance, VK_NULL_HANDLE);
     return infos;
 }
@@ -66,9 +117,10 @@ Device::Device(DeviceOptions options) {
         if (validation) messenger_ = createMessenger(instance_);
 
         std::vector<VkPhysicalDevice> physicals = physicalDevices(instance_);
+        const std::vector<DeviceInfo> infos = describeAll(instance_, limitsWanted(options));
         std::string reasons;
         for (uint32_t i = 0; i < physicals.size(); ++i) {
-            DeviceInfo info = describeDevice(instance_, physicals[i], i, limitsWanted(options));
+            const DeviceInfo& info = infos[i];
             std::string refusal;
             for (const std::string& reason : info.refusals)
                 refusal += (refusal.empty() ? "" : ", ") + reason;

@@ -257,6 +257,7 @@ DeviceInfo describeDevice(VkInstance instance, VkPhysicalDevice physical, uint32
     info.type = type.name;
     info.score = type.score;
     info.cpu = basic.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU;
+    info.vendor = basic.vendorID;
     info.api = basic.apiVersion;
     info.apiVersion = versionText(info.api);
     if (info.api < VK_API_VERSION_1_2) {  // which the queries below are of
@@ -269,10 +270,16 @@ DeviceInfo describeDevice(VkInstance instance, VkPhysicalDevice physical, uint32
     VkPhysicalDeviceVulkan12Properties properties12{
         VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_PROPERTIES};
     properties11.pNext = &properties12;
+    VkPhysicalDevicePCIBusInfoPropertiesEXT bus{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PCI_BUS_INFO_PROPERTIES_EXT};
+    if (hasExtension(physical, VK_EXT_PCI_BUS_INFO_EXTENSION_NAME)) properties12.pNext = &bus;
     VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2};
     properties.pNext = &properties11;
     vkGetPhysicalDeviceProperties2(physical, &properties);
     const VkPhysicalDeviceLimits& has = properties.properties.limits;
+    std::ranges::copy(properties11.deviceUUID, info.uuid.begin());
+    info.busAddress = uint64_t{bus.pciDomain} << 32 | uint64_t{bus.pciBus} << 16 |
+                      uint64_t{bus.pciDevice} << 8 | bus.pciFunction;
     info.driver = fmt::format("{} {}", properties12.driverName, properties12.driverInfo);
     info.subgroupSize = properties11.subgroupSize;
     if (properties11.subgroupSupportedStages & VK_SHADER_STAGE_COMPUTE_BIT)

@@ -39,6 +39,9 @@ struct KernelPath {
 struct DeviceInfo {
     uint32_t index = 0;
     std::string name, type, driver, apiVersion;
+    uint32_t vendor = 0;  // PCI's number: 0x10de NVIDIA, 0x1002 AMD
+    std::array<uint8_t, VK_UUID_SIZE> uuid{};
+    uint64_t busAddress = 0;   // PCI's domain, bus, device and function, in that order; 0: unknown
     uint32_t api = 0;          // the version as Vulkan packs it
     uint64_t memoryBytes = 0;  // of the largest heap that kernels work in
     uint64_t maxAllocationBytes = 0;

@@ -406,6 +406,9 @@ TEST(Devices, DeviceChoosesAmongThem) {
         EXPECT_EQ(shown[0]["name"], device["name"]);
         EXPECT_EQ(shown[0]["chosen"], device["refusals"].empty());
     }
+    const auto [best, why, listed] = devices({"--device", "auto"});
+    EXPECT_EQ(best, 0) << why;
+    EXPECT_EQ(listed, printed) << "as without";
     const auto [none, error, text] = devices({"--device", "no such device"});
     EXPECT_EQ(none, 2);
     EXPECT_EQ(text, "");

@@ -1,10 +1,12 @@
 // Which kernels a device takes, and the engine under the limits of other devices (tests/devices).
 #include <algorithm>
 #include <cstdlib>
+#include <map>
 #include <numeric>
 
 #include "common/pairs.h"
 #include "elementwise/params.h"
+#include "engine/device_match.h"
 #include "engine/kernel.h"
 #include "engine/shader_table.h"
 #include "nn/core/graph.h"
@@ -85,6 +87,46 @@ TEST(KernelPath, AGpusKernelsOnRequest) {
     EXPECT_EQ(path.vectorLanes, 0u);
     EnvironmentVariable wrong("DOPPEL_KERNELS", "fast");
     expectInputError([] { Device other; }, "DOPPEL_KERNELS: expected gpu");
+}
+
+// Slurm, and people, leave GPUs to others by these variables.
+TEST(DeviceMatch, GpusThatAreLeftToOthersAreRefused) {
+    constexpr uint32_t kNvidia = 0x10de, kAmd = 0x1002;
+    // As Vulkan lists them, which is not in the bus' order.
+    std::vector<DeviceInfo> all(5);
+    for (size_t i = 0; i < all.size(); ++i) all[i].index = static_cast<uint32_t>(i);
+    all[0].vendor = all[1].vendor = all[2].vendor = kNvidia;
+    all[0].busAddress = 30, all[1].busAddress = 10, all[2].busAddress = 20;
+    all[1].uuid = {0x12, 0x34, 0xab, 0xcd, 0x55, 0x66, 0x77, 0x88, 1, 2, 3, 4, 5, 6, 7, 8};
+    all[3].vendor = kAmd;
+    all[4].cpu = true;
+    const auto usable = [&](const std::map<std::string, std::string>& variables) {
+        std::vector<DeviceInfo> devices = all;
+        leaveToOthers(devices, [&](const char* name) -> const char* {
+            const auto found = variables.find(name);
+            return found == variables.end() ? nullptr : found->second.c_str();
+        });
+        std::vector<uint32_t> left;
+        for (const DeviceInfo& info : devices) {
+            if (info.refusals.empty()) left.push_back(info.index);
+            for (const std::string& reason : info.refusals)
+                EXPECT_EQ(reason.substr(0, 19), "left to others by C") << reason;
+        }
+        return left;
+    };
+    using Devices = std::vector<uint32_t>;
+    const Devices every{0, 1, 2, 3, 4};
+    EXPECT_EQ(usable({}), every);
+    EXPECT_EQ(usable({{"CUDA_VISIBLE_DEVICES", "0"}}), (Devices{1, 3, 4}))
+        << "the first on the bus";
+    EXPECT_EQ(usable({{"CUDA_VISIBLE_DEVICES", "2,1"}}), (Devices{0, 2, 3, 4}));
+    EXPECT_EQ(usable({{"CUDA_VISIBLE_DEVICES", "GPU-1234abcd-5566-7788-0102-030405060708"}}),
+              (Devices{1, 3, 4}));
+    EXPECT_EQ(usable({{"CUDA_VISIBLE_DEVICES", "GPU-1234ab"}}), (Devices{1, 3, 4}));
+    EXPECT_EQ(usable({{"CUDA_VISIBLE_DEVICES", "NoDevFiles"}}), (Devices{3, 4}));
+    for (const char* says : {"", "-1", "7", "GPU-", "MIG-1234", "all", ",,"})
+        EXPECT_EQ(usable({{"CUDA_VISIBLE_DEVICES", says}}), every) << says;
+    EXPECT_EQ(usable({{"ROCR_VISIBLE_DEVICES", "0"}}), every);
 }
 
 TEST(KernelPath, FollowsFromWhatTheDeviceIs) {

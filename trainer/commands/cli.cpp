@@ -38,7 +38,9 @@ struct Subcommand {
         command.get_formatter()->column_width(32);
         command
             .add_option("--device", common.device,
-                        "Vulkan device: part of its name or its number in `doppel devices`")
+                        "Vulkan device: part of its name or its number in `doppel devices`; auto, "
+                        "or nothing: the best one")
+            ->transform([](const std::string& name) { return name == "auto" ? "" : name; })
             ->group("Common");
         command.add_option("--seed", common.seed, "Same seed, same device: same result")
             ->capture_default_str()
