@@ -331,6 +331,24 @@ TEST_F(ViewerTest, EdgesAreSmoothWhileSomethingMoves) {
     EXPECT_LT(far[1], .7 * far[0]);
 }
 
+// The figure in the corner is of new pictures, however often the window shows one.
+TEST_F(ViewerTest, FramesPerSecondAreOfPictures) {
+    Viewer& viewer = open();
+    const auto began = std::chrono::steady_clock::now();
+    const uint64_t before = viewer.pictureCount();
+    for (int i = 0; i < 20; ++i) {
+        viewer.camera().yaw += .05;
+        turn(1 + i % 4);
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    const double seconds =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
+    const double measured = static_cast<double>(viewer.pictureCount() - before) / seconds;
+    EXPECT_GT(viewer.times().fps, .5 * measured);
+    EXPECT_LT(viewer.times().fps, 2 * measured);
+    EXPECT_LT(viewer.times().fps, 100) << "10 ms are slept for each";
+}
+
 TEST(MovingSamples, GrowBetweenMovementsWhereTheDeviceIsFast) {
     MovingSamples samples(5);
     const auto move = [&](double milliseconds, int pictures) {

@@ -58,7 +58,7 @@ Viewer::Viewer(const ViewerOptions& options)
     frameAll();
     if (!options.camera.empty()) orbit_ = readCameraText(options.camera);
     offerRecovery();
-    lastTouched_ = lastFrame_ = lastTick_ = Clock::now();
+    lastTouched_ = lastPicture_ = lastTick_ = Clock::now();
 }
 
 Viewer::~Viewer() = default;
@@ -258,11 +258,24 @@ bool Viewer::frame() {
     auto drawn = Clock::now();
     window_.end(placed);
     times_.show = millisecondsSince(drawn);
-    double passed = millisecondsSince(lastFrame_);
-    if (wait == 0 && passed > 0) times_.fps += 0.2 * (1000 / passed - times_.fps);
-    lastFrame_ = Clock::now();
+    countPictures();
     if (framesToDraw_ > 0) --framesToDraw_;
     return true;
+}
+
+// How many there are in a second while something moves; turns that show the same one again are
+// none.
+void Viewer::countPictures() {
+    if (pictures_ == picturesCounted_) return;
+    picturesCounted_ = pictures_;
+    constexpr double kPause = 400;  // milliseconds, after which it begins anew
+    const double passed = millisecondsSince(lastPicture_);
+    lastPicture_ = Clock::now();
+    if (passed > kPause)
+        pictureEvery_ = 0;
+    else
+        pictureEvery_ = pictureEvery_ > 0 ? std::lerp(pictureEvery_, passed, .2) : passed;
+    times_.fps = pictureEvery_ > 0 ? 1000 / pictureEvery_ : 0;
 }
 
 void Viewer::run(const std::function<void()>& each) {

@@ -221,6 +221,7 @@ private:
     // viewer.cpp
     void useAvatar(std::shared_ptr<LoadedAvatar> avatar);
     void reloadIfChanged();
+    void countPictures();
     void advanceTimeline();
     void showTime();
     void step(int frames);
@@ -499,7 +500,9 @@ private:
     MovingSamples movingSamples_;
     int refinements_ = 0;
     Times times_;
-    Clock::time_point lastTouched_{}, lastFrame_{};
+    Clock::time_point lastTouched_{}, lastPicture_{};
+    uint64_t picturesCounted_ = 0;
+    double pictureEvery_ = 0;  // milliseconds, the mean of those of this movement; 0: no two yet
     int framesToDraw_ = 3;
     bool drawable_ = true;  // the window has a size
 
