@@ -86,8 +86,7 @@ void Viewer::usePosePictures() {
     const double scale = window_.unit() * window_.scale();
     const ImVec4 behind = ImGui::GetStyleColorVec4(ImGuiCol_FrameBg);
     posePictures_.use(
-        {.avatar = avatar_.get(),
-         .betas = editor_->betas(),
+        {.betas = editor_->betas(),
          .width = static_cast<int>(std::lround(kWidth * scale)),
          .height = static_cast<int>(std::lround(kHeight * scale)),
          .behind = {behind.x, behind.y, behind.z},

@@ -80,6 +80,7 @@ void Viewer::useAvatar(std::shared_ptr<LoadedAvatar> avatar) {
     shapeNames_.reset();
     floorOf_.reset();
     behind_.clear();
+    posePictures_ = {};
     ++textureVersion_;
     ++viewVersion_;
     if (inspected_) inspected_ = inspect(now, inspected_->point);

@@ -63,12 +63,11 @@ void Viewer::endWalk(bool stay) {
 // Whether a walk takes this key.
 bool Viewer::typesIntoWalk(const Chord& chord) {
     if (!walk_) return false;
-    if (chord.code == GLFW_KEY_ENTER || chord.code == GLFW_KEY_KP_ENTER) {
-        endWalk(true);
-        return true;
-    }
-    return !(chord.modifiers & GLFW_MOD_CONTROL) &&
-           std::ranges::count(kSteps, chord.code, &Step::key) > 0;
+    const bool enter = chord.code == GLFW_KEY_ENTER || chord.code == GLFW_KEY_KP_ENTER;
+    const bool control = chord.modifiers & GLFW_MOD_CONTROL;
+    // What Ctrl begins, a dialog for one, needs the mouse.
+    if (enter || control) endWalk(true);
+    return enter || (!control && std::ranges::count(kSteps, chord.code, &Step::key) > 0);
 }
 
 void Viewer::advanceWalk() {
@@ -83,9 +82,8 @@ void Viewer::advanceWalk() {
         std::min(std::chrono::duration<double>(now - walk_->last).count(), kLongestTurn);
     walk_->last = now;
     glm::dvec3 way(0);
-    if (!ImGui::GetIO().KeyCtrl)
-        for (const Step& step : kSteps)
-            if (window_.isDown(step.key)) way += step.to;
+    for (const Step& step : kSteps)
+        if (window_.isDown(step.key)) way += step.to;
     walk_->goes = way != glm::dvec3(0);
     if (!walk_->goes) return;
     const double pace = ImGui::GetIO().KeyShift ? kFast : ImGui::GetIO().KeyAlt ? kSlow : 1;

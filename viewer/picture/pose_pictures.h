@@ -10,12 +10,11 @@
 
 namespace doppel {
 
-// The avatar in each pose, seen from the front, all of it.
+// An avatar in each pose, seen from the front, all of it.
 class PosePictures {
 public:
     // What pictures are of, and how they look; with another all are forgotten.
     struct Kind {
-        const void* avatar = nullptr;
         Betas betas{};
         int width = 0, height = 0;  // framebuffer pixels
         std::array<float, 3> behind{};
