@@ -73,8 +73,10 @@ void leaveToOthers(std::span<DeviceInfo> devices,
         std::vector<const DeviceInfo*> named;
         for (size_t begin = 0; !none && begin < text.size();) {
             const size_t end = std::min(text.find(',', begin), text.size());
-            const std::string_view word = text.substr(begin, end - begin);
+            std::string_view word = text.substr(begin, end - begin);
             begin = end + 1;
+            word.remove_prefix(std::min(word.find_first_not_of(' '), word.size()));
+            if (word == "-1") break;  // CUDA's end of a list
             size_t place = 0;
             const auto [rest, error] =
                 std::from_chars(word.data(), word.data() + word.size(), place);

@@ -120,6 +120,8 @@ TEST(DeviceMatch, GpusThatAreLeftToOthersAreRefused) {
     EXPECT_EQ(usable({{"CUDA_VISIBLE_DEVICES", "0"}}), (Devices{1, 3, 4}))
         << "the first on the bus";
     EXPECT_EQ(usable({{"CUDA_VISIBLE_DEVICES", "2,1"}}), (Devices{0, 2, 3, 4}));
+    EXPECT_EQ(usable({{"CUDA_VISIBLE_DEVICES", "2, 1"}}), (Devices{0, 2, 3, 4}));
+    EXPECT_EQ(usable({{"CUDA_VISIBLE_DEVICES", "0,-1,1"}}), (Devices{1, 3, 4}));
     EXPECT_EQ(usable({{"CUDA_VISIBLE_DEVICES", "GPU-1234abcd-5566-7788-0102-030405060708"}}),
               (Devices{1, 3, 4}));
     EXPECT_EQ(usable({{"CUDA_VISIBLE_DEVICES", "GPU-1234ab"}}), (Devices{1, 3, 4}));

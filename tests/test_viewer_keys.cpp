@@ -265,6 +265,12 @@ TEST_F(KeysTest, AWalkLeadsThroughTheScene) {
     hold("a", .3);
     click(3);
     EXPECT_EQ(cameraText(viewer.camera()), cameraText(there)) << "so does the right button";
+    begin();
+    keyWith("Control_L", "c");
+    EXPECT_EQ(viewer.message(), "pose copied");
+    screen_->move(60, 60);
+    settle();
+    EXPECT_EQ(cameraText(viewer.camera()), cameraText(there)) << "what Ctrl begins ends it";
     screen_->key("w");
     settle();
     EXPECT_TRUE(viewer.settings().wireframe) << "W is again what it was";

@@ -33,8 +33,9 @@ struct ViewerOptions {
     std::optional<Theme> theme;
     std::string keys;    // "gltf", "blender" or a file (viewer/keys); empty: as chosen before
     std::string camera;  // as cameraText(); empty: all of the body is seen from the front
-    // Milliseconds that a picture may take for its edges to be smooth while something moves.
-    double smoothWithin = 5;
+    // Milliseconds that a picture may take for its edges to be smooth while something moves;
+    // without: 5 on a GPU, and none on a CPU.
+    std::optional<double> smoothWithin;
 };
 
 // What is compared side by side, to the left what is named first: body and refined, coarse and

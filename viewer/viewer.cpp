@@ -36,7 +36,7 @@ Viewer::Viewer(const ViewerOptions& options)
            options.theme.value_or(preferences_.theme),
            {}}),
       device_(options.device),
-      movingSamples_(options.smoothWithin),
+      movingSamples_(options.smoothWithin.value_or(device_.info().cpu ? 0 : 5)),
       library_(options.state.empty() ? fs::path() : options.state / "poses"),
       recovery_(options.state) {
     openKeys();
