@@ -12,6 +12,7 @@
 #include "trainer/avatar/avatar.h"
 #include "trainer/data/capture.h"
 #include "trainer/eval/clip_truth.h"
+#include "trainer/person/heads.h"
 
 namespace doppel {
 namespace {
@@ -31,9 +32,10 @@ PersonLandmarks landmarksOfBody(const JointPlaces& joints, const glm::dquat& hea
     for (size_t i = landmark::kLeftPinky; i <= landmark::kRightThumb; ++i)
         put(i, joints[i % 2 ? joint::kLeftWrist : joint::kRightWrist]);
     const glm::dvec3 centre = joints[joint::kHead];
-    put(landmark::kLeftEar, centre + head * glm::dvec3(.07, .08, 0));
-    put(landmark::kRightEar, centre + head * glm::dvec3(-.07, .08, 0));
-    put(landmark::kNose, centre + head * glm::dvec3(0, .055, .1));
+    constexpr std::array kFaceLandmarks{landmark::kNose, landmark::kLeftEye, landmark::kRightEye,
+                                        landmark::kLeftEar, landmark::kRightEar};
+    for (size_t k = 0; k < kFaceLandmarks.size(); ++k)
+        put(kFaceLandmarks[k], centre + head * kFace[k]);
     for (const auto& [ankle, foot, heel, tip] :
          {std::array{size_t(joint::kLeftAnkle), size_t(joint::kLeftFoot),
                      size_t(landmark::kLeftHeel), size_t(landmark::kLeftFootTip)},
@@ -85,6 +87,62 @@ TEST(BodyPoser3d, StandsTheBodyWhereItsLandmarksAre) {
         const glm::dvec3 elbow = axisAngleOf(jointRotation(start.theta, joint::kLeftElbow));
         EXPECT_LT(glm::length(glm::dvec3(elbow.x, 0, elbow.z)), .3 * glm::length(elbow)) << round;
         EXPECT_LT(elbow.y, 0) << round;
+    }
+}
+
+// Somebody who leans forward and looks ahead, once with the neck bent as far as the head, once with
+// a neck that is stretched back alone.
+TEST(BodyPoser3d, NecksBendToWhereHeadsAreSeen) {
+    const BodyModel body = bodyFromNpz(readBodyArrays("default"));
+    const BodyPoser3d poser(body);
+    const Camera camera = cameraOfAngle(600, 1080, kGuessedAngle);
+    constexpr double kLean = .9;
+    for (const double side : {-M_PI / 2, M_PI / 2})
+        for (const double neck : {.5, 1.5}) {
+            const glm::dquat looks = quaternionOf({M_PI, 0, 0}) * quaternionOf({0, side, 0});
+            Theta theta{};
+            setJointRotation(theta, joint::kPelvis, looks * quaternionOf({kLean, 0, 0}));
+            setJointRotation(theta, joint::kNeck, quaternionOf({-neck * kLean, 0, 0}));
+            setJointRotation(theta, joint::kHead, quaternionOf({(neck - 1) * kLean, 0, 0}));
+            const Trans trans{0, .2f, 3.5f};
+            const auto joints = jointPlaces(body, Betas{}, theta, trans);
+            const BodyStart start =
+                poser(landmarksOfBody(joints, looks, camera), camera, glm::mat3_cast(looks));
+            const auto found = jointPlaces(body, Betas{}, start.theta, start.trans);
+            // From the neck, which is where it is: half of the way that the usual bend leaves.
+            const double off = glm::length(found[joint::kHead] - found[joint::kNeck] -
+                                           joints[joint::kHead] + joints[joint::kNeck]);
+            const double usual = 2 * std::sin(std::abs(neck - .5) * kLean / 2) *
+                                 glm::length(joints[joint::kHead] - joints[joint::kNeck]);
+            EXPECT_LT(off, .5 * usual + .01) << side << " " << neck;
+        }
+}
+
+// Where no face is found.
+TEST(BodyPoser3d, HeadsAreTiltedAsTheyAreSeenAndTurnedHalfAsFar) {
+    const BodyModel body = bodyFromNpz(readBodyArrays("default"));
+    const BodyPoser3d poser(body);
+    const Camera camera = cameraOfAngle(600, 1080, kGuessedAngle);
+    const auto headOf = [&](const Theta& theta) {
+        glm::dquat turned(1, 0, 0, 0);
+        for (int j = int(joint::kHead); j >= 0; j = body.parents[size_t(j)])
+            turned = jointRotation(theta, size_t(j)) * turned;
+        return turned;
+    };
+    const glm::dquat upright = quaternionOf({M_PI, 0, 0}) * quaternionOf({0, .8, 0});
+    const auto found = [&](const glm::dquat& head) {
+        Theta theta{};
+        setJointRotation(theta, joint::kPelvis, upright);
+        const auto joints = jointPlaces(body, Betas{}, theta, {0, .2f, 3.5f});
+        const BodyStart start = poser(landmarksOfBody(joints, upright * head, camera), camera);
+        return axisAngleOf(glm::inverse(upright) * headOf(start.theta));
+    };
+    const glm::dvec3 straight = found({1, 0, 0, 0});  // the face's own axes, about
+    for (const glm::dvec3 tilt :
+         {glm::dvec3(.4, 0, 0), glm::dvec3(0, 0, .4), glm::dvec3(0, .6, 0)}) {
+        const glm::dvec3 wanted = tilt * (tilt.y > 0 ? .5 : 1);
+        EXPECT_LT(glm::length(found(quaternionOf(tilt)) - straight - wanted), .12)
+            << tilt.x << " " << tilt.y << " " << tilt.z;
     }
 }
 

@@ -14,9 +14,11 @@
 #include "trainer/avatar/preset.h"
 #include "trainer/data/capture.h"
 #include "trainer/data/pose.h"
+#include "trainer/eval/clip_truth.h"
 #include "trainer/import/seen_heads.h"
 #include "trainer/motion/synthetic.h"
 #include "trainer/person/body_start.h"
+#include "trainer/person/heads.h"
 #include "trainer/person/picture_net.h"
 #include "trainer/stages/fit.h"
 
@@ -105,6 +107,92 @@ TEST(Fit, HeadsThatWereFoundByThemselvesStay) {
     };
     EXPECT_GT(moved(false), 3);
     EXPECT_LT(moved(true), .01);
+}
+
+// Nose, eyes and ears of a body in a pose.
+FacePoints faceOf(const BodyModel& body, const Theta& theta, const Trans& trans,
+                  const Camera& camera) {
+    const glm::dvec3 head = jointPlaces(body, Betas{}, theta, trans)[joint::kHead];
+    FacePoints points;
+    for (size_t k = 0; k < points.size(); ++k) {
+        const glm::dvec3 at = head + headOf(body, theta) * kFace[k];
+        const auto [u, v] = camera.project({at.x, at.y, at.z});
+        points[k] = {float(u), float(v), 1};
+    }
+    return points;
+}
+
+TEST(Heads, AFaceTellsWhereItsHeadIs) {
+    const BodyModel body = bodyFromNpz(readBodyArrays("default"));
+    const Camera camera{900, 900, 300, 500, 600, 1000};
+    Theta theta{};
+    setJointRotation(theta, joint::kPelvis, quaternionOf({M_PI, .4, 0}));
+    setJointRotation(theta, joint::kHead, quaternionOf({.2, .7, -.1}));
+    const Trans trans{.2f, .1f, 3};
+    const glm::dvec3 head = jointPlaces(body, Betas{}, theta, trans)[joint::kHead];
+    const auto [u, v] = camera.project({head.x, head.y, head.z});
+    FacePoints points = faceOf(body, theta, trans, camera);
+    const auto expect = [&](double right, double down, double sure) {
+        const auto seen = headJointSeen(body, theta, head, points, camera);
+        EXPECT_NEAR(seen[0], u + right, 1e-3);
+        EXPECT_NEAR(seen[1], v + down, 1e-3);
+        EXPECT_NEAR(seen[2], sure, 1e-6);
+    };
+    expect(0, 0, 1);
+    for (auto& point : points) point[0] += 10, point[1] -= 4;
+    expect(10, -4, 1);
+    // What is not seen may be anywhere, and what is seen half counts half as much.
+    points[0] = {NAN, 0, 0};
+    points[1][0] += 7;
+    points[1][2] = .5;
+    expect(10 + 7 * .5 / 3.5, -4, 3.5 / 5);
+    for (auto& point : points) point[2] = 0;
+    EXPECT_EQ(headJointSeen(body, theta, head, points, camera)[2], 0);
+}
+
+// Where a face is seen, there is the head: the neck bends, and the head goes on looking where it
+// did.
+TEST(Fit, HeadsGoWhereTheirFacesAreSeen) {
+    Folder folder;
+    constexpr int kSize = 192;
+    Capture capture = renderActor(testDevice(), readActor(assetFolder() / "actor", "woman"),
+                                  actorSession(4, 0, kActorDistance), folder / "actor",
+                                  {.size = kSize, .samples = 1});
+    const BodyModel body = bodyFromNpz(readBodyArrays("default"));
+    capture.source["heads"] = "as the face looks";
+    capture.source["keypoints"] = "blazepose heavy";
+    FitPreset preset = presetByName("ci").fit;
+    preset.size = kSize;
+    preset.passes = 60;
+    // Where heads end in the picture across, a mean, with faces so many pixels beside them.
+    const auto headsAt = [&](float beside) {
+        Capture fitted = capture;
+        fitted.keypoints = {"openpose25", 25, std::vector<float>(capture.size() * 75)};
+        for (size_t f = 0; f < capture.size(); ++f) {
+            const FacePoints points =
+                faceOf(body, capture.theta[f], capture.trans[f], capture.frames[f].camera);
+            for (size_t k = 0; k < points.size(); ++k) {
+                float* value =
+                    &fitted.keypoints->values[75 * f + 3 * keypointFace("openpose25")[k]];
+                std::ranges::copy(points[k], value);
+                value[0] += beside;
+            }
+        }
+        fitCapture(testDevice(), body, fitted, {.preset = preset, .loop = {.seed = 1}});
+        double across = 0;
+        for (size_t f = 0; f < capture.size(); ++f) {
+            const glm::dvec3 head =
+                jointPlaces(body, fitted.betas, fitted.theta[f], fitted.trans[f])[joint::kHead];
+            across += capture.frames[f].camera.project({head.x, head.y, head.z})[0] /
+                      double(capture.size());
+            EXPECT_LT(degreesBetween(headOf(body, capture.theta[f]), headOf(body, fitted.theta[f])),
+                      .01);
+        }
+        return across;
+    };
+    const double left = headsAt(-4), right = headsAt(4);
+    std::cout << "heads 4 pixels to both sides end " << right - left << " pixels apart\n";
+    EXPECT_GT(right - left, 1);
 }
 
 // What the network makes of a picture that a formula gives, beside the same file run with NumPy in

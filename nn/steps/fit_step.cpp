@@ -35,7 +35,7 @@ std::vector<float> balanceShares() {
 
 }  // namespace
 
-std::vector<float> jointWeights(bool coloured) {
+std::vector<float> jointWeights(bool coloured, bool heads) {
     std::vector<float> weights(kJointCount, 1);
     auto set = [&](std::initializer_list<size_t> joints, float weight) {
         for (size_t j : joints) weights[j] = weight;
@@ -43,6 +43,7 @@ std::vector<float> jointWeights(bool coloured) {
     set({joint::kSpine1, joint::kSpine2, joint::kSpine3}, coloured ? 2.0f : 4.0f);
     set({joint::kLeftCollar, joint::kRightCollar}, 2);
     set({joint::kNeck, joint::kHead}, coloured ? 4.0f : 100.0f);
+    if (heads) set({joint::kNeck}, 4);
     set({joint::kLeftWrist, joint::kRightWrist}, 4);
     set({joint::kLeftFoot, joint::kRightFoot, joint::kLeftHand, joint::kRightHand}, 20);
     return weights;
@@ -70,7 +71,8 @@ FitStep::FitStep(Device& device, const BodyModel& body, FitStart start, const Fi
     Tensor rest = graph.constant(body.restVertices(), {body.vertexCount, 3});
     LbsModel skin = lbsModel(graph, body);
     RasterMesh mesh = rasterMesh(graph, body.faces, body.vertexCount);
-    Tensor joints = graph.constant(std::span<const float>(jointWeights(false)), {kJointCount});
+    Tensor joints =
+        graph.constant(std::span<const float>(jointWeights(false, start_.heads)), {kJointCount});
     const bool likely = preset.likely > 0 || preset.limits > 0;
     Tensor angles;
     if (likely) {

@@ -40,7 +40,8 @@ struct FitPreset {
 // [24] What it costs a joint to leave its given rotation, relative to the others: silhouettes say
 // little of hands, feet and the twist of the spine, and nothing of the way a head is turned, which
 // stays as it was given until colours tell.
-std::vector<float> jointWeights(bool coloured);
+// heads: there is a target for the head's joint, too, and the neck bends as the spine does.
+std::vector<float> jointWeights(bool coloured, bool heads = false);
 
 // What is fitted: the frames' poses and the shape that they share.
 struct FitStart {
@@ -49,6 +50,7 @@ struct FitStart {
     bool fitShape = true;           // false: betas stay as they are
     bool video = false;             // neighbouring frames tell about each other
     bool keypoints = false;         // there is a target for joints
+    bool heads = false;             // and for the head's
 };
 
 // A frame comes by once in a pass: short memories, and nothing that pulls poses to zero.

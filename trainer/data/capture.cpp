@@ -114,6 +114,11 @@ std::span<const int> keypointJoints(std::string_view scheme) {
     throwInput("keypoints: expected the scheme openpose25 or lsp19, found \"{}\"", scheme);
 }
 
+std::array<size_t, 5> keypointFace(std::string_view scheme) {
+    if (keypointJoints(scheme).size() == 25) return {0, 16, 15, 18, 17};
+    return {14, 15, 16, 17, 18};
+}
+
 // ---- captures -----------------------------------------------------------------------------------
 
 bool Capture::hasMasks() const {

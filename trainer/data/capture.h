@@ -39,6 +39,10 @@ struct Frame {
     Camera camera;
 };
 
+// Who found keypoints is [source] keypoints: an import's own network, which comes behind this.
+// Others see ears and eyes in places of their own.
+inline constexpr std::string_view kOwnKeypoints = "blazepose ";
+
 struct Keypoints {
     std::string scheme;         // "openpose25" or "lsp19"
     int count = 0;              // K
@@ -48,6 +52,8 @@ struct Keypoints {
 // The SMPL joint that each keypoint of a scheme shows, or −1 where none does (eyes, toes' tips, and
 // the mid-points that SMPL's joints only come near). InputError for an unknown scheme.
 std::span<const int> keypointJoints(std::string_view scheme);
+// Its numbers of nose, left eye, right eye, left ear and right ear. InputError likewise.
+std::array<size_t, 5> keypointFace(std::string_view scheme);
 
 // What a frame's exposure and white balance make of colours that are encoded as sRGB: factors of
 // red, green and blue.

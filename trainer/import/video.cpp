@@ -441,6 +441,7 @@ Capture readClip(const ImportRequest& request) {
                                     : fmt::format("found by blazepose {}, cut out by {}",
                                                   poseNetName(request.net), cutter.source());
     capture.source["poses"] = "a start from landmarks, for a fit to refine";
+    capture.source["keypoints"] = fmt::format("{}{}", kOwnKeypoints, poseNetName(request.net));
     capture.source["camera"] =
         fmt::format("{:.3g} degrees along the longer side, {}", angle,
                     request.fov > 0 ? "given"

@@ -6,6 +6,8 @@
 #include <numbers>
 #include <vector>
 
+#include "trainer/person/heads.h"
+
 namespace doppel {
 
 namespace {
@@ -47,6 +49,12 @@ dvec3 withoutPart(const dvec3& v, const dvec3& along) {
 
 // From heel to the tip of the big toe, as landmarks have them, metres of the body.
 constexpr double kFootLength = .22;
+
+// In the order of FacePoints.
+constexpr std::array kFaceLandmarks{kNose, kLeftEye, kRightEye, kLeftEar, kRightEar};
+
+// Shoulders and face are off by so much before a neck is known to be bent, metres.
+constexpr double kNeckDoubt = .05;
 
 // A point of a body, in metres about its middle, and where it is seen.
 struct Seen {
@@ -256,8 +264,35 @@ BodyStart BodyPoser3d::operator()(const PersonLandmarks& person, const Camera& c
                glm::transpose(frameOf({1, 0, 0}, glm::cross(dvec3(0, -.25, 1), dvec3(1, 0, 0))));
     }
     const dquat nod = atMost(glm::inverse(chest) * glm::quat_cast(head), 1.2);
-    const dquat half = quaternionOf(axisAngleOf(nod) / (face ? 2. : 4.));
-    turned[joint::kNeck] = turned[joint::kHead] = half;
+    // Which way a head is tilted the picture shows. How far it is turned about its own axis is
+    // guessed from depths, which exaggerate: half of it is nearer the truth.
+    const dquat aside = glm::normalize(dquat(nod.w, 0, nod.y, 0));
+    const dquat looks =
+        face ? chest * nod
+             : chest * nod * glm::inverse(aside) * quaternionOf(axisAngleOf(aside) / 2.);
+    // The neck takes half of it. Where that puts the head far from where nose, eyes and ears are
+    // seen, as above a back that is not straight, it bends there, across the view.
+    const double scale = glm::length(up) / glm::length(restUp);
+    const dquat between = chest * quaternionOf(axisAngleOf(glm::inverse(chest) * looks) / 2.);
+    const dvec3 neckBone = between * restBone(joint::kNeck, joint::kHead) * scale;
+    const dvec3 shouldersToNeck =
+        rest_[joint::kNeck] - (rest_[joint::kLeftShoulder] + rest_[joint::kRightShoulder]) / 2.;
+    const dvec3 skull =
+        (at(kLeftShoulder) + at(kRightShoulder)) / 2. + chest * shouldersToNeck * scale + neckBone;
+    dvec3 off(0);
+    double weights = 1e-9;
+    for (size_t k = 0; k < kFace.size(); ++k) {
+        const Landmark& point = person.points[kFaceLandmarks[k]];
+        const double weight = point.visibility * point.presence;
+        off += weight * (at(kFaceLandmarks[k]) - looks * kFace[k] * scale - skull);
+        weights += weight;
+    }
+    off = withoutPart(off / weights, skull + dvec3(0, 0, distance));
+    const double away = glm::dot(off, off), unsure = std::pow(kNeckDoubt * scale, 2);
+    const dquat neck =
+        atMost(swing(neckBone, neckBone + off * (away / (away + unsure))), 1.0) * between;
+    turned[joint::kNeck] = glm::inverse(chest) * neck;
+    turned[joint::kHead] = atMost(glm::inverse(neck) * looks, 1.2);
 
     // A limb's upper bone points where the landmarks do; about itself it is turned so that the
     // plane of its hinge is the one in which the limb is bent, as far as it is bent.
@@ -307,7 +342,7 @@ BodyStart BodyPoser3d::operator()(const PersonLandmarks& person, const Camera& c
     // little or wrong, from behind above all. The tip is where its ray is a foot's length from the
     // heel, which is as deep as the ankle: of two such places the one that is more to the front,
     // as the shin has it.
-    const double footLength = kFootLength * glm::length(up) / glm::length(restUp);
+    const double footLength = kFootLength * scale;
     const auto footOf = [&](const Limb& limb) {
         const bool left = limb.end == joint::kLeftAnkle;
         const auto ray = [&](size_t i) {

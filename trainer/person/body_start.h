@@ -38,7 +38,8 @@ class BodyPoser3d {
 public:
     explicit BodyPoser3d(const BodyModel& body, const Betas& betas = {});
     // Landmarks as atJoints() gives them. face: FaceMesh::axes(), where the face was found; else
-    // the head is half as far turned from the chest as landmarks have it, which exaggerate.
+    // the head is tilted as the landmarks have it, and turned from the chest half as far, for they
+    // exaggerate.
     BodyStart operator()(const PersonLandmarks& person, const Camera& camera,
                          const std::optional<glm::dmat3>& face = {}) const;
 

@@ -10,6 +10,7 @@
 #include "trainer/data/body_render.h"
 #include "trainer/data/progress.h"
 #include "trainer/data/shared_work.h"
+#include "trainer/eval/clip_truth.h"
 #include "trainer/eval/metrics.h"
 #include "trainer/person/heads.h"
 #include "trainer/stages/training_frames.h"
@@ -21,11 +22,20 @@ namespace {
 // The given poses may be off by more than the method's box allows for.
 constexpr double kFitMargin = 1.2;
 
+// Whether it is known where a face looks and where its points are: then so is where the head has to
+// be, and the neck may go there.
+bool seesHeads(const Capture& capture) {
+    const auto keypoints = capture.source.find("keypoints");
+    return capture.source.contains("heads") && capture.keypoints && capture.keypoints->count > 0 &&
+           keypoints != capture.source.end() && keypoints->second.starts_with(kOwnKeypoints);
+}
+
 FitStart fitStart(const Capture& capture, bool fitShape) {
     FitStart start{.betas = capture.betas,
                    .fitShape = fitShape,
                    .video = isVideo(capture),
-                   .keypoints = capture.keypoints && capture.keypoints->count > 0};
+                   .keypoints = capture.keypoints && capture.keypoints->count > 0,
+                   .heads = seesHeads(capture)};
     for (size_t i = 0; i < capture.size(); ++i) {
         start.poses.insert(start.poses.end(), capture.theta[i].begin(), capture.theta[i].end());
         start.poses.insert(start.poses.end(), capture.trans[i].begin(), capture.trans[i].end());
@@ -33,21 +43,42 @@ FitStart fitStart(const Capture& capture, bool fitShape) {
     return start;
 }
 
-// A frame's keypoints as one target per joint, in the crop's pixels.
-std::vector<float> jointTargets(const Keypoints& keypoints, size_t frame, const CropBox& box,
-                                int size) {
-    std::vector<float> targets(kJointCount * 3);
-    std::span<const int> joints = keypointJoints(keypoints.scheme);
-    double scale = size / (2 * box.half);
-    for (size_t k = 0; k < joints.size(); ++k) {
-        if (joints[k] < 0) continue;
-        const float* point =
-            &keypoints.values[3 * (frame * static_cast<size_t>(keypoints.count) + k)];
-        float* target = &targets[3 * static_cast<size_t>(joints[k])];
-        if (point[2] <= target[2]) continue;
-        target[0] = static_cast<float>((point[0] - (box.centreX - box.half)) * scale);
-        target[1] = static_cast<float>((point[1] - (box.centreY - box.half)) * scale);
-        target[2] = point[2];
+// Where each frame's keypoints want each joint, [24,3]: u, v in pixels and confidence. The head's
+// is where its face wants it, as the poses have it turned.
+std::vector<std::vector<float>> jointTargets(const BodyModel& body, const Capture& capture) {
+    const Keypoints& keypoints = *capture.keypoints;
+    const std::span<const int> joints = keypointJoints(keypoints.scheme);
+    std::vector<std::vector<float>> targets;
+    for (size_t f = 0; f < capture.size(); ++f) {
+        std::vector<float> target(kJointCount * 3);
+        const auto point = [&](size_t k) {
+            const float* p = &keypoints.values[3 * (f * static_cast<size_t>(keypoints.count) + k)];
+            return std::array<float, 3>{p[0], p[1], p[2]};
+        };
+        const auto want = [&](size_t joint, const std::array<float, 3>& seen) {
+            if (seen[2] > target[3 * joint + 2]) std::ranges::copy(seen, &target[3 * joint]);
+        };
+        for (size_t k = 0; k < joints.size(); ++k)
+            if (joints[k] >= 0) want(static_cast<size_t>(joints[k]), point(k));
+        if (seesHeads(capture)) {
+            FacePoints face;
+            std::ranges::transform(keypointFace(keypoints.scheme), face.begin(), point);
+            const glm::dvec3 head =
+                jointPlaces(body, capture.betas, capture.theta[f], capture.trans[f])[joint::kHead];
+            want(joint::kHead,
+                 headJointSeen(body, capture.theta[f], head, face, capture.frames[f].camera));
+        }
+        targets.push_back(std::move(target));
+    }
+    return targets;
+}
+
+// In the pixels of a crop.
+std::vector<float> inCrop(std::vector<float> targets, const CropBox& box, int size) {
+    const double scale = size / (2 * box.half);
+    for (size_t j = 0; j < targets.size(); j += 3) {
+        targets[j] = static_cast<float>((targets[j] - (box.centreX - box.half)) * scale);
+        targets[j + 1] = static_cast<float>((targets[j + 1] - (box.centreY - box.half)) * scale);
     }
     return targets;
 }
@@ -172,6 +203,9 @@ FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
                   .timestamps = settings.loop.profileSteps > 0,
                   .ranks = sharing});
 
+    std::vector<std::vector<float>> targets;
+    if (start.keypoints) targets = jointTargets(body, capture);
+
     FrameSampler sampler(fitted.size(), settings.loop.seed);
     std::vector<uint32_t> visits(fitted.size());
     const int64_t taken = int64_t{preset.passes} * int64_t(fitted.size());
@@ -208,8 +242,8 @@ FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
                              cameraValues(rasterCamera(frames.camera(frame), sigma, radius)));
             step.graph.write(sample.target, frames.mask(frame));
             if (sample.keypoints)
-                step.graph.write(sample.keypoints, jointTargets(*capture.keypoints, frame,
-                                                                frames.box(frame), preset.size));
+                step.graph.write(sample.keypoints,
+                                 inCrop(targets[frame], frames.box(frame), preset.size));
         }
         step.graph.submit();
     };
@@ -224,7 +258,8 @@ FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
     fitted.betas = step.betas();
     // Outlines and joints turn trunks, do not see faces, and would take the head along. A head that
     // was given on its neck gathers the errors of all joints below and stays there.
-    if (capture.source.contains("heads")) aimHeads(body, capture.theta, fitted.theta);
+    if (capture.source.contains("heads"))
+        aimHeads(body, capture.theta, fitted.theta, start.heads ? 0 : .5);
     // Both now, so that a mask is decoded once, and nobody waits for it before the first step.
     std::vector<std::vector<double>> ious =
         silhouetteIous(device, body, {&capture, &fitted}, cache, settings.loop.ranks);
