@@ -531,6 +531,9 @@ TEST(Keypoints, NameTheirJoints) {
     EXPECT_EQ(keypointJoints("openpose25")[4], 21);  // right wrist
     EXPECT_EQ(keypointJoints("lsp19")[3], 1);        // left hip
     EXPECT_THROW(keypointJoints("coco"), InputError);
+    EXPECT_EQ(keypointFace("openpose25"), (std::array<size_t, 5>{0, 16, 15, 18, 17}));
+    EXPECT_EQ(keypointFace("lsp19"), (std::array<size_t, 5>{14, 15, 16, 17, 18}));
+    EXPECT_THROW(keypointFace("coco"), InputError);
 }
 
 }  // namespace

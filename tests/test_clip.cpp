@@ -301,6 +301,7 @@ TEST(ImportClip, AFilmBecomesACapture) {
     EXPECT_NEAR(capture.frames[0].camera.fx, 320 / std::tan(25 * M_PI / 180), 1e-3);
     EXPECT_EQ(capture.betas, betasOfHeight(body, 1.8));
     ASSERT_TRUE(capture.keypoints);
+    EXPECT_TRUE(capture.source.at("keypoints").starts_with(kOwnKeypoints));  // a fit asks for it
     // The figure moves by 40 pixels from picture to picture, and so does all that was found.
     const auto nose = [&](size_t f) { return double(capture.keypoints->values[75 * f]); };
     EXPECT_NEAR(nose(2) - nose(0), 80, 8);
