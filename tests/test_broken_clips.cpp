@@ -98,6 +98,36 @@ TEST(BrokenClip, HighDynamicRangeBecomesSrgb) {
     }
 }
 
+TEST(BrokenClip, WideColoursOfStandardRangeBecomeSrgb) {
+    const auto first = [](const char* name) {
+        VideoReader video(kClips / name);
+        Image picture;
+        EXPECT_TRUE(video.next(picture));
+        EXPECT_STREQ(video.highRange(), "");
+        return picture;
+    };
+    const Image plain = first("ten-bit.mp4");
+    for (const char* name : {"p3.mp4", "bt2020.mp4"}) {
+        const Image picture = first(name);
+        ASSERT_EQ(picture.data.size(), plain.data.size());
+        double off = 0, strong = 0, count = 0;
+        for (size_t i = 0; i < plain.data.size(); i += 3) {
+            const auto [least, most] = std::ranges::minmax(std::span(plain.data).subspan(i, 3));
+            const bool isStrong = most - least > 60;
+            count += isStrong;
+            for (size_t c = i; c < i + 3; ++c) {
+                const double d = std::abs(double(picture.data[c]) - double(plain.data[c]));
+                off += d / double(plain.data.size());
+                if (isStrong) strong += d / 3;
+            }
+        }
+        std::cout << name << " is " << off << " off, " << strong / count << " of " << count
+                  << " strong pixels\n";
+        EXPECT_LT(off, 2.7) << name;           // signals taken as they are: 3.4 and 5.1
+        EXPECT_LT(strong / count, 4) << name;  // 6.2 and 10.1
+    }
+}
+
 TEST(BrokenClip, AHighRangeFilmIsImportedAndSaidToBe) {
     NEEDS_MODELS();
     Folder folder;

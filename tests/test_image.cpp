@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <zlib.h>
 
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
@@ -12,8 +13,11 @@
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
 #include "tests/files.h"
+#include "trainer/data/frame_selection.h"
 
 namespace doppel {
+namespace fs = std::filesystem;
+
 namespace {
 
 using test::Folder;
@@ -265,6 +269,177 @@ TEST(Mask, everyKind) {
     EXPECT_EQ(readMask(folder / "m.jpg").data, image.data) << "JPEG's ringing is not the person";
 }
 
+// ---- colours of other profiles ------------------------------------------------------------------
+
+const fs::path kPictures = fs::path(DOPPEL_SOURCE_DIR) / "tests/data/pictures";
+using Colour = std::array<int, 3>;
+// Display P3, three fields beside three.
+constexpr Colour kFields[] = {{200, 100, 50},  {60, 180, 90},   {40, 70, 220},
+                              {128, 128, 128}, {230, 190, 170}, {250, 240, 20}};
+
+// From Display P3 (SMPTE EG 432-1 with sRGB's curve), in doubles.
+Colour srgbOf(const Colour& p3) {
+    constexpr double kMatrix[3][3] = {{1.2249401763, -.2249401763, 0},
+                                      {-.0420569547, 1.0420569547, 0},
+                                      {-.0196375546, -.0786360656, 1.0982736202}};
+    Colour srgb;
+    for (size_t c = 0; c < 3; ++c) {
+        double light = 0;
+        for (size_t k = 0; k < 3; ++k) {
+            const double v = p3[k] / 255.;
+            light += kMatrix[c][k] * (v <= .04045 ? v / 12.92 : std::pow((v + .055) / 1.055, 2.4));
+        }
+        light = std::clamp(light, 0., 1.);
+        srgb[c] = int(std::lround(
+            255 * (light <= .0031308 ? 12.92 * light : 1.055 * std::pow(light, 1 / 2.4) - .055)));
+    }
+    return srgb;
+}
+
+Image fields() {
+    Image image(96, 64, 3);
+    for (int y = 0; y < 64; ++y)
+        for (int x = 0; x < 96; ++x)
+            for (size_t c = 0; c < 3; ++c)
+                image.pixel(x, y)[c] = uint8_t(kFields[x / 32 + 3 * (y / 32)][c]);
+    return image;
+}
+
+void expectFields(const Image& image, int by) {
+    ASSERT_EQ(image.width, 96);
+    ASSERT_EQ(image.height, 64);
+    for (int f = 0; f < 6; ++f) {
+        const Colour expected = srgbOf(kFields[f]);
+        const uint8_t* found = image.pixel(32 * (f % 3) + 16, 32 * (f / 3) + 16);
+        for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(found[c], expected[c], by) << f << " " << c;
+    }
+}
+
+// With these chunks behind its header.
+Bytes pngWith(const Image& image, const char* type, const Bytes& data) {
+    Bytes whole = encodePng(image), inserted;
+    chunk(inserted, type, data);
+    whole.insert(whole.begin() + 33, inserted.begin(), inserted.end());
+    return whole;
+}
+
+Bytes iccp(Bytes profile) {
+    Bytes data{'p', 0, 0}, packed(compressBound(profile.size()));
+    uLongf size = packed.size();
+    compress(packed.data(), &size, profile.data(), profile.size());
+    data.insert(data.end(), packed.begin(), packed.begin() + ptrdiff_t(size));
+    return data;
+}
+
+// In a segment behind the first marker.
+Bytes jpegWith(const Bytes& profile) {
+    Folder folder;
+    writeImage(folder / "a.jpg", fields());
+    Bytes jpeg = readWholeFile(folder / "a.jpg");
+    Bytes segment{0xFF, 0xE2};
+    const size_t length = 2 + 14 + profile.size();
+    segment.insert(segment.end(), {uint8_t(length >> 8), uint8_t(length & 255)});
+    for (const char letter : std::string_view("ICC_PROFILE\0\1\1", 14))
+        segment.push_back(uint8_t(letter));
+    segment.insert(segment.end(), profile.begin(), profile.end());
+    jpeg.insert(jpeg.begin() + 2, segment.begin(), segment.end());
+    return jpeg;
+}
+
+// One strip, lowest bytes first.
+Bytes tiffWith(const Image& image, const Bytes& profile) {
+    Bytes out{'I', 'I', 42, 0};
+    const auto little = [&](uint32_t value, int size) {
+        for (int i = 0; i < size; ++i) out.push_back(uint8_t(value >> (8 * i)));
+    };
+    const uint32_t pixels = 8, bits = pixels + uint32_t(image.data.size()), icc = bits + 6;
+    const uint32_t directory = (icc + uint32_t(profile.size()) + 1) / 2 * 2;
+    little(directory, 4);
+    out.insert(out.end(), image.data.begin(), image.data.end());
+    for (int c = 0; c < 3; ++c) little(8, 2);
+    out.insert(out.end(), profile.begin(), profile.end());
+    out.resize(directory);
+    const uint32_t entries[][4] = {{256, 4, 1, uint32_t(image.width)},
+                                   {257, 4, 1, uint32_t(image.height)},
+                                   {258, 3, 3, bits},
+                                   {259, 3, 1, 1},
+                                   {262, 3, 1, 2},
+                                   {273, 4, 1, pixels},
+                                   {277, 3, 1, 3},
+                                   {278, 4, 1, uint32_t(image.height)},
+                                   {279, 4, 1, uint32_t(image.data.size())},
+                                   {34675, 7, uint32_t(profile.size()), icc}};
+    little(10, 2);
+    for (const auto& [tag, type, count, value] : entries) {
+        little(tag, 2);
+        little(type, 2);
+        little(count, 4);
+        little(value, 4);
+    }
+    little(0, 4);
+    return out;
+}
+
+TEST(Colours, DisplayP3BecomesSrgb) {
+    const Bytes p3 = readWholeFile(kPictures / "p3.icc");
+    expectFields(decodeImage(pngWith(fields(), "iCCP", iccp(p3)), "p3.png"), 1);
+    // Alpha stays, and so do colours of one channel.
+    Image clear(96, 64, 4, 77);
+    const Image opaque = fields();
+    for (int i = 0; i < 96 * 64; ++i) std::copy_n(&opaque.data[3 * i], 3, &clear.data[4 * i]);
+    const Image kept = decodeImage(pngWith(clear, "iCCP", iccp(p3)), "p3.png", 4);
+    EXPECT_EQ(kept.pixel(5, 5)[3], 77);
+    EXPECT_NEAR(kept.pixel(5, 5)[0], srgbOf(kFields[0])[0], 1);
+
+    // A JPEG, which another library decodes, and a TIFF.
+    expectFields(decodeImage(jpegWith(p3), "p3.jpg"), 3);
+    expectFields(decodeImage(tiffWith(fields(), p3), "p3.tif"), 1);
+}
+
+TEST(Colours, SrgbsOwnProfileAndDamagedOnesChangeNothing) {
+    const Bytes srgb = readWholeFile(kPictures / "srgb.icc");
+    EXPECT_EQ(decodeImage(pngWith(fields(), "iCCP", iccp(srgb)), "srgb.png").data, fields().data);
+    Bytes damaged = readWholeFile(kPictures / "p3.icc");
+    damaged.resize(damaged.size() / 2);
+    EXPECT_EQ(decodeImage(pngWith(fields(), "iCCP", iccp(damaged)), "cut.png").data, fields().data);
+    EXPECT_EQ(decodeImage(pngWith(fields(), "iCCP", {'p', 0, 0, 1, 2}), "cut.png").data,
+              fields().data);
+}
+
+// Profiles that lie about what they hold: the picture, in some colours.
+TEST(Colours, HostileProfiles) {
+    Folder folder;
+    std::mt19937 random(3);
+    for (int round = 0; round < 300; ++round) {
+        Bytes profile = readWholeFile(kPictures / "p3.icc");
+        // The table of tags is behind the 128 bytes of the head.
+        for (int k = 0; k < 4; ++k) profile[128 + random() % 140] = uint8_t(random());
+        const Bytes files[] = {pngWith(fields(), "iCCP", iccp(profile)), jpegWith(profile),
+                               tiffWith(fields(), profile)};
+        for (const Bytes& file : files) {
+            EXPECT_EQ(decodeImage(file, "hostile").width, 96);
+            folder.write("hostile", file);
+            EXPECT_EQ(imageSize(folder / "hostile").width, 96);
+            EXPECT_EQ(readSmallGrey(folder / "hostile", 2).width, 48);
+            EXPECT_EQ(readMask(folder / "hostile").width, 96);
+        }
+    }
+}
+
+// By a profile, turned, with what EXIF says of the lens; and by its primaries' number.
+TEST(Colours, TelephonesPictures) {
+    const fs::path heic = kPictures / "turned-p3.heic", avif = kPictures / "p3.avif";
+    EXPECT_EQ(imageSize(heic), (ImageSize{96, 64}));
+    EXPECT_EQ(imageFocalLength(heic), 26);
+    EXPECT_EQ(imageFocalLength(avif), 0);
+    expectFields(readImage(heic), 4);
+    expectFields(readImage(avif), 4);
+    EXPECT_EQ(readImage(heic, 4).pixel(1, 1)[3], 255);
+    EXPECT_EQ(readSmallGrey(heic, 2).width, 48);
+    EXPECT_EQ(readMask(heic).pixel(90, 60)[0], 255);  // yellow's red is above the half
+    EXPECT_TRUE(isPictureName("IMG_0001.HEIC"));
+}
+
 TEST(Image, resizes) {
     // A constant stays constant, exactly, at every size.
     const Image constant(17, 5, 3, 201);
@@ -323,13 +498,15 @@ TEST(Image, refusals) {
     }
 }
 
-// PNG, JPEG and EXR cut and damaged: an error or a picture, never a crash.
+// PNG, JPEG, HEIC, AVIF and EXR cut and damaged: an error or a picture, never a crash.
 TEST(Image, damageIsRefusedNotFollowed) {
     Folder folder;
     writeImage(folder / "a.jpg", noise(24, 24, 3, 5));
     const std::vector<Bytes> files = {encodePng(noise(24, 24, 3, 5)),
                                       readWholeFile(folder / "a.jpg"),
                                       png(2, 1, 8, 3, {{1, 0}}, {0, 0, 0, 128, 0, 0}),
+                                      readWholeFile(kPictures / "turned-p3.heic"),
+                                      readWholeFile(kPictures / "p3.avif"),
                                       exr({0.2f, 1.0f, 0.0f, 7.0f, -1.0f, 0.5f})};
     std::mt19937 random(11);
     for (const Bytes& whole : files) {

@@ -13,6 +13,7 @@
 #include "engine/files/ending.h"
 #include "engine/files/module.h"
 #include "engine/io/pictures/codecs.h"
+#include "engine/io/pictures/embedded_profile.h"
 
 namespace doppel {
 namespace fs = std::filesystem;
@@ -26,6 +27,7 @@ struct Format {
     const char* magic;
     size_t size;
     bool lossy;
+    size_t at = 0;  // where the magic is
 };
 
 // By content, not by name: a PNG called .jpg is read, and no other of OpenImageIO's many readers
@@ -44,17 +46,23 @@ constexpr Format kFormats[] = {
     {"pnm", "P4", 2, false},
     {"pnm", "P5", 2, false},
     {"pnm", "P6", 2, false},
+    {"heif", "ftypheic", 8, true, 4},
+    {"heif", "ftypheix", 8, true, 4},
+    {"heif", "ftypmif1", 8, true, 4},
+    {"heif", "ftypavif", 8, true, 4},
 };
 
 const Format& formatOf(Bytes head, const std::string& name) {
     for (const Format& format : kFormats) {
-        if (head.size() >= format.size &&
-            std::memcmp(head.data(), format.magic, format.size) == 0) {
+        if (head.size() >= format.at + format.size &&
+            std::memcmp(head.data() + format.at, format.magic, format.size) == 0) {
             return format;
         }
     }
-    throwInput("{}: expected a picture (PNG, JPEG, TIFF, WebP, BMP, OpenEXR or PNM), found {}",
-               name, head.empty() ? "an empty file" : "other content");
+    throwInput(
+        "{}: expected a picture (PNG, JPEG, HEIC, AVIF, TIFF, WebP, BMP, OpenEXR or PNM), found "
+        "{}",
+        name, head.empty() ? "an empty file" : "other content");
 }
 
 // libjpeg fills what is missing at the end with grey and says nothing, so the segments are walked
@@ -285,6 +293,33 @@ Image::Image(int imageWidth, int imageHeight, int imageChannels, uint8_t fill)
 
 namespace {
 
+struct Opened {
+    std::vector<uint8_t> file;  // what `picture` reads, where that is not the caller's
+    std::vector<uint8_t> profile;
+    std::unique_ptr<PictureFile> picture;
+
+    PictureFile* operator->() const { return picture.get(); }
+};
+
+// file: its bytes, which have to outlive the result; empty: the file of this name.
+Opened open(const Format& format, const std::string& name, Bytes file) {
+    EmbeddedProfile embedded = file.empty() ? embeddedProfile(format.plugin, fs::path(name))
+                                            : embeddedProfile(format.plugin, file);
+    Opened opened;
+    opened.profile = std::move(embedded.profile);
+    if (!embedded.hidden.empty()) {
+        opened.file = file.empty() ? readWholeFile(name, uint64_t{4} << 30)
+                                   : std::vector<uint8_t>(file.begin(), file.end());
+        for (const auto& [at, bytes] : embedded.hidden)
+            if (at + bytes.size() <= opened.file.size())
+                std::ranges::copy(bytes, opened.file.begin() + static_cast<ptrdiff_t>(at));
+        file = opened.file;
+    }
+    opened.picture = pictureCodecs().open(format.plugin, name, file);
+    if (opened.profile.empty()) opened.profile = opened.picture->profile;
+    return opened;
+}
+
 // Upright, in 1 or 3 channels and ceil(side / by) pixels a side. Empty where the file is no JPEG,
 // or one of a rare kind.
 Image decodeJpeg(const Format& format, const PictureFile& picture, Bytes file,
@@ -305,16 +340,18 @@ Image decodeImage(Bytes file, const std::string& name, int channels) {
           "channels must be 0, 1, 3 or 4, not {}", channels);
     const Format& format = formatOf(file, name);
     checkWhole(format, file, name);
-    const auto picture = pictureCodecs().open(format.plugin, name, file);
+    const Opened picture = open(format, name, file);
     if (channels >= 3)
-        if (Image jpeg = decodeJpeg(format, *picture, file, name, 3, 1); !jpeg.empty())
+        if (Image jpeg = decodeJpeg(format, *picture.picture, file, name, 3, 1); !jpeg.empty()) {
+            pictureCodecs().convertToSrgb(jpeg, picture.profile);
             return convertChannels(std::move(jpeg), channels);
+        }
     Image image;
     image.width = picture->width;
     image.height = picture->height;
     image.channels = picture->channels;
     if (picture->floats) {
-        const std::vector<float> pixels = readPixels<float>(*picture, name, file.size());
+        const std::vector<float> pixels = readPixels<float>(*picture.picture, name, file.size());
         image.data.resize(pixels.size());
         const size_t count = image.channelCount();
         for (size_t i = 0; i < pixels.size(); ++i) {
@@ -325,10 +362,12 @@ Image decodeImage(Bytes file, const std::string& name, int channels) {
                                 : static_cast<uint8_t>(std::lround(value * 255.0f));
         }
     } else {
-        image.data = readPixels<uint8_t>(*picture, name, file.size());
+        image.data = readPixels<uint8_t>(*picture.picture, name, file.size());
     }
     image.data = orient(std::move(image.data), image.width, image.height, image.channelCount(),
                         picture->orientation);
+    // What is linear light has been encoded as sRGB above.
+    if (!picture->linear) pictureCodecs().convertToSrgb(image, picture.profile);
     return convertChannels(std::move(image), channels);
 }
 
@@ -344,8 +383,8 @@ Image readSmallGrey(const fs::path& path, int by) {
     const Format& format = formatOf(file, name);
     checkWhole(format, file, name);
     {
-        const auto picture = pictureCodecs().open(format.plugin, name, file);
-        Image jpeg = decodeJpeg(format, *picture, file, name, 1, by);
+        const Opened picture = open(format, name, file);
+        Image jpeg = decodeJpeg(format, *picture.picture, file, name, 1, by);
         if (!jpeg.empty()) return jpeg;
     }
     // Beyond its edges there is what is at them, as in a JPEG.
@@ -368,12 +407,12 @@ void checkImage(const fs::path& path) {
 Image decodeMask(Bytes file, const std::string& name) {
     const Format& format = formatOf(file, name);
     checkWhole(format, file, name);
-    const auto picture = pictureCodecs().open(format.plugin, name, file);
+    const Opened picture = open(format, name, file);
     const auto above = [&]<typename T>(T threshold) {
         int width = picture->width, height = picture->height;
         const size_t channels = static_cast<size_t>(picture->channels);
-        std::vector<T> data = orient(readPixels<T>(*picture, name, file.size()), width, height,
-                                     channels, picture->orientation);
+        std::vector<T> data = orient(readPixels<T>(*picture.picture, name, file.size()), width,
+                                     height, channels, picture->orientation);
         return thresholdMask(data, width, height, channels, format.lossy ? threshold : T(0));
     };
     // As they are stored, for a label of 1 in 65535 is still a label.
@@ -389,7 +428,7 @@ Image readMask(const fs::path& path) {
 ImageSize imageSize(const fs::path& path) {
     const std::string name = path.string();
     const Format& format = formatOf(readFileHead(path, 16), name);
-    const auto picture = pictureCodecs().open(format.plugin, name, {});
+    const Opened picture = open(format, name, {});
     if (picture->orientation >= 5) return {picture->height, picture->width};
     return {picture->width, picture->height};
 }
@@ -398,7 +437,7 @@ std::string imageSoftware(const fs::path& path) {
     const std::string name = path.string();
     try {
         const Format& format = formatOf(readFileHead(path, 16), name);
-        return pictureCodecs().open(format.plugin, name, {})->software;
+        return open(format, name, {})->software;
     } catch (const InputError&) {
         return {};
     }
@@ -407,7 +446,7 @@ std::string imageSoftware(const fs::path& path) {
 double imageFocalLength(const fs::path& path) {
     const std::string name = path.string();
     const Format& format = formatOf(readFileHead(path, 16), name);
-    return plausibleFocalLength(pictureCodecs().open(format.plugin, name, {})->focalLength);
+    return plausibleFocalLength(open(format, name, {})->focalLength);
 }
 
 double plausibleFocalLength(double mm) {

@@ -1,4 +1,4 @@
-// Pictures: PNG, JPEG, TIFF, WebP, BMP, OpenEXR and PNM in; PNG and JPEG out. By OpenImageIO.
+// Pictures: PNG, JPEG, HEIC, AVIF, TIFF, WebP, BMP, OpenEXR and PNM in; PNG and JPEG out.
 #pragma once
 
 #include <cstddef>
@@ -43,6 +43,7 @@ inline constexpr int kMaxImageSide = 16384;
 // channels 1, 3 or 4; 0: as many as the file has. Grey is repeated into colours, colours are
 // weighed into grey (Rec. 709), alpha is dropped where it is not asked for and 255 where there is
 // none. 16 bits are rounded to 8; linear float (OpenEXR) is clamped to [0, 1] and sRGB-encoded.
+// Colours of other profiles (Display P3, Adobe RGB) become sRGB's.
 Image readImage(const std::filesystem::path& path, int channels = 3);
 Image decodeImage(std::span<const uint8_t> file, const std::string& name, int channels = 3);
 

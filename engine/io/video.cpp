@@ -41,9 +41,10 @@ Image turned(const Image& image, int degrees) {
     return result;
 }
 
-// ---- high dynamic range -------------------------------------------------------------------------
+// ---- wide colours and high dynamic range
+// ---------------------------------------------------------
 
-constexpr size_t kHdrSteps = 4096;
+constexpr size_t kSteps = 4096;
 constexpr double kWhite = 203, kDisplay = 1000;  // cd/m²
 
 // cd/m².
@@ -54,66 +55,96 @@ double pq(double signal) {
     return 10000 * std::pow(std::max(p - c1, 0.) / (c2 - c3 * p), 1 / m1);
 }
 
+// [0,1].
+double srgb(double signal) {
+    return signal <= .04045 ? signal / 12.92 : std::pow((signal + .055) / 1.055, 2.4);
+}
+
 // The scene's light, [0,1].
 double hlg(double signal) {
     constexpr double a = .17883277, b = .28466892, c = .55991073;
     return signal <= .5 ? signal * signal / 3 : (std::exp((signal - c) / a) + b) / 12;
 }
 
-enum class HdrTransfer : uint8_t {
-    Pq,   // SMPTE ST 2084
-    Hlg,  // ARIB STD-B67, shown on a display of 1,000 cd/m²
+enum class Transfer : uint8_t {
+    Srgb,  // near enough to what films of standard range have
+    Pq,    // SMPTE ST 2084
+    Hlg,   // ARIB STD-B67, shown on a display of 1,000 cd/m²
 };
 
-// From signals of 16 bits in BT.2020's primaries (ITU-R BT.2100-2) to 8-bit sRGB: 203 cd/m², the
-// white of paper (BT.2408), is white; what is brighter than .8 of it is compressed, hues are kept.
-class HdrMap {
+using Matrix = std::array<std::array<float, 3>, 3>;  // by rows
+// From BT.2020's primaries (ITU-R BT.2100-2) and from Display P3's (SMPTE EG 432-1) to BT.709's,
+// which are sRGB's. White is D65 in all of them.
+constexpr Matrix kFromBt2020{{{1.660491f, -.587641f, -.07285f},
+                              {-.12455f, 1.1329f, -.008349f},
+                              {-.018151f, -.100579f, 1.11873f}}};
+constexpr Matrix kFromP3{
+    {{1.22494f, -.22494f, 0}, {-.042057f, 1.042057f, 0}, {-.019638f, -.078636f, 1.098274f}}};
+
+// From signals of 16 bits to 8-bit sRGB. Of high dynamic range 203 cd/m², the white of paper
+// (BT.2408), is white; what is brighter than .8 of it is compressed, hues are kept.
+class WideColours {
 public:
-    explicit HdrMap(HdrTransfer transfer);
+    WideColours(Transfer transfer, const Matrix& matrix);
 
     std::array<uint8_t, 3> operator()(const std::array<uint16_t, 3>& signal) const;
 
 private:
-    HdrTransfer transfer_;
+    Transfer transfer_;
+    Matrix matrix_;
     std::vector<float> linear_;     // of signals / 16; 1: that white, or HLG's scene light
     std::vector<uint8_t> encoded_;  // of the square root of linear light
 };
 
-HdrMap::HdrMap(HdrTransfer transfer) : transfer_(transfer) {
-    for (size_t i = 0; i < kHdrSteps; ++i) {
-        const double signal = (double(i) + .5) / kHdrSteps;
-        linear_.push_back(float(transfer == HdrTransfer::Pq ? pq(signal) / kWhite : hlg(signal)));
+WideColours::WideColours(Transfer transfer, const Matrix& matrix)
+    : transfer_(transfer), matrix_(matrix) {
+    for (size_t i = 0; i < kSteps; ++i) {
+        const double signal = (double(i) + .5) / kSteps;
+        linear_.push_back(float(transfer == Transfer::Pq    ? pq(signal) / kWhite
+                                : transfer == Transfer::Hlg ? hlg(signal)
+                                                            : srgb(signal)));
         const double light = signal * signal;
-        const double srgb =
+        const double encoded =
             light <= .0031308 ? 12.92 * light : 1.055 * std::pow(light, 1 / 2.4) - .055;
-        encoded_.push_back(uint8_t(std::lround(255 * srgb)));
+        encoded_.push_back(uint8_t(std::lround(255 * encoded)));
     }
 }
 
-std::array<uint8_t, 3> HdrMap::operator()(const std::array<uint16_t, 3>& signal) const {
+std::array<uint8_t, 3> WideColours::operator()(const std::array<uint16_t, 3>& signal) const {
     std::array<float, 3> wide;
     for (size_t c = 0; c < 3; ++c) wide[c] = linear_[signal[c] / 16];
-    if (transfer_ == HdrTransfer::Hlg) {
+    if (transfer_ == Transfer::Hlg) {
         // From the scene to the display, whose gamma is 1.2 by luminance.
         const float y = .2627f * wide[0] + .678f * wide[1] + .0593f * wide[2];
         const float gain = float(kDisplay / kWhite) * std::pow(std::max(y, 1e-6f), .2f);
         for (float& v : wide) v *= gain;
     }
-    std::array<float, 3> light{1.660491f * wide[0] - .587641f * wide[1] - .07285f * wide[2],
-                               -.12455f * wide[0] + 1.1329f * wide[1] - .008349f * wide[2],
-                               -.018151f * wide[0] - .100579f * wide[1] + 1.11873f * wide[2]};
+    std::array<float, 3> light;
+    for (size_t c = 0; c < 3; ++c)
+        light[c] = matrix_[c][0] * wide[0] + matrix_[c][1] * wide[1] + matrix_[c][2] * wide[2];
     constexpr float kKnee = .8f;
     const float most = std::max({light[0], light[1], light[2]});
-    if (most > kKnee) {
+    if (transfer_ != Transfer::Srgb && most > kKnee) {
         const float to = kKnee + (1 - kKnee) * (1 - std::exp((kKnee - most) / (1 - kKnee)));
         for (float& v : light) v *= to / most;
     }
     std::array<uint8_t, 3> result;
     for (size_t c = 0; c < 3; ++c) {
         const float root = std::sqrt(std::clamp(light[c], 0.f, 1.f));
-        result[c] = encoded_[std::min(size_t(root * float(kHdrSteps)), kHdrSteps - 1)];
+        result[c] = encoded_[std::min(size_t(root * float(kSteps)), kSteps - 1)];
     }
     return result;
+}
+
+// Empty: a film's colours are sRGB's.
+std::optional<WideColours> wideColours(const AVCodecParameters& film) {
+    const Transfer transfer = film.color_trc == AVCOL_TRC_SMPTE2084      ? Transfer::Pq
+                              : film.color_trc == AVCOL_TRC_ARIB_STD_B67 ? Transfer::Hlg
+                                                                         : Transfer::Srgb;
+    if (film.color_primaries == AVCOL_PRI_SMPTE432) return WideColours(transfer, kFromP3);
+    if (transfer != Transfer::Srgb || film.color_primaries == AVCOL_PRI_BT2020)
+        return WideColours(transfer, kFromBt2020);
+    return {};
 }
 
 }  // namespace
@@ -175,8 +206,7 @@ struct VideoReader::Parts {
         // A quarter turn comes after scaling.
         const bool lying = rotation % 180 != 0;
         const int outW = lying ? size.height : size.width, outH = lying ? size.width : size.height;
-        const bool high = hdr.has_value();
-        const AVPixelFormat target = high ? AV_PIX_FMT_RGB48 : AV_PIX_FMT_RGB24;
+        const AVPixelFormat target = wide ? AV_PIX_FMT_RGB48 : AV_PIX_FMT_RGB24;
         scaler.reset(sws_getCachedContext(scaler.release(), w, h, pixels, outW, outH, target,
                                           kScaling, nullptr, nullptr, nullptr));
         if (!scaler) throwInput("{}: frames of a pixel format that cannot be converted", name);
@@ -191,7 +221,7 @@ struct VideoReader::Parts {
         sws_setColorspaceDetails(scaler.get(), sws_getCoefficients(space), full,
                                  sws_getCoefficients(SWS_CS_DEFAULT), 1, 0, 1 << 16, 1 << 16);
         // Rows of a multiple of 64 bytes: swscale writes beyond the end of unaligned ones.
-        const int stride = (outW * (high ? 6 : 3) + 63) / 64 * 64;
+        const int stride = (outW * (wide ? 6 : 3) + 63) / 64 * 64;
         rows.resize(static_cast<size_t>(stride) * static_cast<size_t>(outH) + 64);
         uint8_t* planes[4] = {rows.data()};
         const int strides[4] = {stride};
@@ -199,14 +229,14 @@ struct VideoReader::Parts {
         Image stored(outW, outH, 3);
         for (int y = 0; y < outH; ++y) {
             const uint8_t* row = &rows[static_cast<size_t>(y) * static_cast<size_t>(stride)];
-            if (!high) {
+            if (!wide) {
                 std::memcpy(stored.row(y), row, stored.rowBytes());
                 continue;
             }
             for (int x = 0; x < outW; ++x) {
                 std::array<uint16_t, 3> signal;
                 std::memcpy(signal.data(), row + 6 * x, sizeof signal);
-                const auto colour = (*hdr)(signal);
+                const auto colour = (*wide)(signal);
                 std::copy(colour.begin(), colour.end(), stored.pixel(x, y));
             }
         }
@@ -221,7 +251,7 @@ struct VideoReader::Parts {
     Owned<AVPacket> packet;
     Owned<SwsContext> scaler;
     std::vector<uint8_t> rows;
-    std::optional<HdrMap> hdr;  // of films of high dynamic range
+    std::optional<WideColours> wide;  // where the film's colours are not sRGB's
     int codedWidth = 0, codedHeight = 0, rotation = 0;
     ImageSize size;  // of the pictures that are given
     int64_t frames = 0;
@@ -276,8 +306,7 @@ VideoReader::VideoReader(const std::filesystem::path& path, int mostRows)
     p.packet.reset(required(av_packet_alloc()));
     p.decoded.reset(required(av_frame_alloc()));
 
-    if (parameters.color_trc == AVCOL_TRC_SMPTE2084) p.hdr.emplace(HdrTransfer::Pq);
-    if (parameters.color_trc == AVCOL_TRC_ARIB_STD_B67) p.hdr.emplace(HdrTransfer::Hlg);
+    p.wide = wideColours(parameters);
 
     const uint8_t* matrix = av_stream_get_side_data(p.stream, AV_PKT_DATA_DISPLAYMATRIX, nullptr);
     if (matrix != nullptr) {
@@ -323,8 +352,8 @@ int64_t VideoReader::frameCount() const {
 
 const char* VideoReader::highRange() const {
     const AVColorTransferCharacteristic transfer = parts_->stream->codecpar->color_trc;
-    if (!parts_->hdr) return "";
-    return transfer == AVCOL_TRC_SMPTE2084 ? "PQ" : "HLG";
+    if (transfer == AVCOL_TRC_SMPTE2084) return "PQ";
+    return transfer == AVCOL_TRC_ARIB_STD_B67 ? "HLG" : "";
 }
 
 double VideoReader::duration() const {

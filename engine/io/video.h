@@ -80,7 +80,7 @@ public:
     double duration() const;         // seconds, as the file says; 0 where it does not
     // "PQ" or "HLG" where the file is of high dynamic range, which is brought to sRGB: 203 cd/m²,
     // the white of paper (BT.2408), is white, and what is near it or brighter is compressed. Empty:
-    // not.
+    // not. Films of standard range in Display P3 or BT.2020 are brought to sRGB as well.
     const char* highRange() const;
     // Of the lens, mm, as of one that sees as much on 35 mm film, which phones write into QuickTime
     // files; 0 where the file does not say.

@@ -108,7 +108,8 @@ std::vector<size_t> selectFrames(std::string_view text, size_t count, std::strin
 }
 
 bool isPictureName(const std::filesystem::path& path) {
-    constexpr const char* kKnown[] = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp"};
+    constexpr const char* kKnown[] = {".png",  ".jpg",  ".jpeg", ".heic", ".heif",
+                                      ".avif", ".webp", ".tif",  ".tiff", ".bmp"};
     return std::ranges::count(kKnown, endingOf(path)) > 0;
 }
 

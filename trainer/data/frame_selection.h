@@ -27,7 +27,7 @@ double selectedRate(double fps, std::span<const size_t> indices);
 // "frame9" before "frame10": runs of digits count as numbers.
 bool naturallyBefore(const std::string& a, const std::string& b);
 
-// Whether a file with this name is taken for a picture: PNG, JPEG, TIFF, WebP, BMP.
+// Whether a file with this name is taken for a picture: PNG, JPEG, HEIC, AVIF, WebP, TIFF, BMP.
 bool isPictureName(const std::filesystem::path& path);
 
 // A folder's pictures in natural order; empty: none there.

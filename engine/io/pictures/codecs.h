@@ -1,6 +1,7 @@
 // What io/image.cpp has libraries do: pictures from bytes and back, as the file has them. They are
-// OpenImageIO, which takes a third of a second to load, with a hundred libraries of its own, and
-// libjpeg-turbo: they are in a module, doppel-pictures.so, which is loaded with the first picture.
+// OpenImageIO, which takes a third of a second to load, with a hundred libraries of its own,
+// libjpeg-turbo, libheif and Little CMS: they are in a module, doppel-pictures.so, which is loaded
+// with the first picture.
 #pragma once
 
 #include <cstdint>
@@ -25,6 +26,8 @@ public:
     bool linear = false;                      // colours are linear light
     std::string software;                     // the text of this name, or nothing
     double focalLength = 0;                   // EXIF's in 35 mm film, mm; 0: it has none
+    std::vector<uint8_t> profile;             // ICC's, of HEIC's colours alone; others' are
+                                              // read before (embedded_profile.h)
 
     // height · width · channels samples, alpha not multiplied in; integers span their type's range.
     // InputError where the file is damaged.
@@ -37,8 +40,8 @@ class PictureCodecs {
 public:
     virtual ~PictureCodecs() = default;
 
-    // format: OpenImageIO's name. `file` has to outlive the picture; an empty one: the file of this
-    // name. InputError names it.
+    // format: OpenImageIO's name, HEIC and AVIF both being "heif". `file` has to outlive the
+    // picture; an empty one: the file of this name. InputError names it.
     virtual std::unique_ptr<PictureFile> open(const char* format, const std::string& name,
                                               std::span<const uint8_t> file) = 0;
     // A JPEG of grey or YCbCr in 1 or 3 channels, ceil(side / by) pixels a side, by 1, 2, 4 or 8,
@@ -47,6 +50,8 @@ public:
     // more than kMaxImageSide.
     virtual Image decodeJpeg(const std::string& name, std::span<const uint8_t> file, int channels,
                              int by) = 0;
+    // Brings a picture of 8 bits from such a profile to sRGB (pictures/colours.h).
+    virtual void convertToSrgb(Image& image, std::span<const uint8_t> profile) = 0;
     // "png" or "jpeg" (which has no alpha). MachineError names `name`.
     virtual std::vector<uint8_t> encode(const Image& image, const char* format,
                                         const std::string& name, const std::string& software) = 0;

@@ -1,5 +1,5 @@
-// The module doppel-pictures.so: PictureCodecs by OpenImageIO, and JPEGs by libjpeg-turbo, which
-// decodes no more of them than is asked for.
+// The module doppel-pictures.so: PictureCodecs by OpenImageIO, JPEGs by libjpeg-turbo, which
+// decodes no more of them than is asked for, and HEIC by libheif.
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 #include <turbojpeg.h>
@@ -11,6 +11,8 @@
 #include "engine/error.h"
 #include "engine/io/image.h"
 #include "engine/io/pictures/codecs.h"
+#include "engine/io/pictures/colours.h"
+#include "engine/io/pictures/heif.h"
 
 namespace doppel {
 
@@ -89,6 +91,7 @@ class OiioCodecs : public PictureCodecs {
 public:
     std::unique_ptr<PictureFile> open(const char* format, const std::string& name,
                                       std::span<const uint8_t> file) override {
+        if (std::strcmp(format, "heif") == 0) return openHeif(name, file);
         std::unique_ptr<IOProxy> proxy;
         if (file.empty())
             proxy = std::make_unique<OIIO::Filesystem::IOFile>(name, IOProxy::Read);
@@ -122,6 +125,10 @@ public:
                               image.width, 0, image.height, channels == 1 ? TJPF_GRAY : TJPF_RGB,
                               0));
         return image;
+    }
+
+    void convertToSrgb(Image& image, std::span<const uint8_t> profile) override {
+        doppel::convertToSrgb(image, profile);
     }
 
     std::vector<uint8_t> encode(const Image& image, const char* format, const std::string& name,

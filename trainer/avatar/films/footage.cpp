@@ -39,9 +39,8 @@ Image readPicture(const fs::path& path, int channels) {
 
 bool isPicture(const fs::path& path) {
     // A GIF is a film of one picture or more.
-    constexpr const char* kEndings[] = {".png", ".jpg",  ".jpeg", ".tif", ".tiff",
-                                        ".bmp", ".webp", ".exr",  ".ppm", ".pgm"};
-    return std::ranges::count(kEndings, endingOf(path)) > 0;
+    constexpr const char* kMore[] = {".exr", ".ppm", ".pgm"};
+    return isPictureName(path) || std::ranges::count(kMore, endingOf(path)) > 0;
 }
 
 }  // namespace
@@ -63,7 +62,7 @@ Footage::Footage(const fs::path& path, int channels) : path_(path), channels_(ch
     if (fs::is_directory(path, error)) {
         pictures_ = picturesOfFolder(path);
         if (pictures_.empty())
-            throwInput("{}: expected pictures (PNG, JPEG, TIFF, WebP, BMP), found none in it",
+            throwInput("{}: expected pictures (PNG, JPEG, HEIC, WebP, TIFF, BMP), found none in it",
                        path.string());
         shown_ = readPicture(pictures_[0], channels);
     } else if (readFileHead(path, 1).empty()) {
