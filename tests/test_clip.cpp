@@ -88,6 +88,20 @@ TEST(Clip, TimesStepsAndRates) {
               file.string() + ": expected pictures from 5 s on, found 12 that last 0.55 s");
 }
 
+TEST(Clip, OfALongOneEnoughIsTaken) {
+    Folder folder;
+    const auto count = int(2 * kEnoughFrames + 1);
+    const fs::path file = film(folder / "a.mp4", moving(count));
+    const std::string taken = kept(surveyClip(file, {.every = 0}));
+    EXPECT_EQ(taken.substr(0, 7), "k..k..k");
+    EXPECT_EQ(std::ranges::count(taken, 'k'), (count + 2) / 3);
+    const std::string all = kept(surveyClip(file, {}));
+    EXPECT_EQ(std::ranges::count(all, 'k'), count);
+    // Who names frames means them, and of few all are taken.
+    EXPECT_EQ(kept(surveyClip(file, {.every = 0, .frames = "3:6"})).substr(0, 8), "...kkk..");
+    EXPECT_EQ(kept(surveyClip(film(folder / "b.mp4", moving(4)), {.every = 0})), "kkkk");
+}
+
 TEST(Clip, DuplicatesBlursAndCuts) {
     Folder folder;
     std::vector<Image> pictures = moving(8);

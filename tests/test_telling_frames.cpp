@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "tests/refusals.h"
+#include "trainer/commands/train.h"
 #include "trainer/data/capture_writer.h"
 
 namespace doppel::test {
@@ -56,14 +57,28 @@ TEST(TellingFrames, TakePosesThatNoOtherFrameHas) {
     }
     const Capture capture = striped(folder / "capture", poses, [](size_t) { return true; });
     FrameCache cache(capture);
-    const std::vector<size_t> taken = tellingFrames(capture, cache, 12);
-    ASSERT_EQ(taken.size(), 12u);
+    // Eleven evenly, and as many for their poses.
+    const std::vector<size_t> taken = tellingFrames(capture, cache, 22);
+    ASSERT_EQ(taken.size(), 22u);
     EXPECT_TRUE(std::ranges::is_sorted(taken));
-    EXPECT_EQ(std::set<size_t>(taken.begin(), taken.end()).size(), 12u);
+    EXPECT_EQ(std::set<size_t>(taken.begin(), taken.end()).size(), 22u);
     for (size_t i : rare) EXPECT_TRUE(std::ranges::count(taken, i)) << i;
-    EXPECT_EQ(tellingFrames(capture, cache, 12), taken);
+    EXPECT_EQ(tellingFrames(capture, cache, 22), taken);
     EXPECT_EQ(tellingFrames(capture, cache, 200).size(), 200u);
     EXPECT_EQ(tellingFrames(capture, cache, 500).back(), 199u);
+}
+
+// Who stands for most of the time and turns for a moment is learned from on both.
+TEST(TellingFrames, AreHalfEvenlyTaken) {
+    Folder folder;
+    std::vector<Theta> poses(200);
+    for (size_t i = 180; i < 200; ++i) poses[i][1] = .3f * static_cast<float>(i - 179);
+    const Capture capture = striped(folder / "capture", poses, [](size_t) { return true; });
+    FrameCache cache(capture);
+    const std::vector<size_t> taken = tellingFrames(capture, cache, 20);
+    const auto standing = std::ranges::count_if(taken, [](size_t i) { return i < 180; });
+    EXPECT_GE(standing, 8);
+    EXPECT_LE(standing, 11);
 }
 
 TEST(TellingFrames, AreTheSharperOnesOfNeighbours) {
@@ -144,6 +159,17 @@ TEST(TellingFrames, AreNotDecodedWhereNoNeighbourIsLikeThem) {
     const uint64_t before = FrameCache::decoded();
     EXPECT_EQ(tellingFrames(capture, cache, 6).size(), 6u);
     EXPECT_EQ(FrameCache::decoded(), before);
+}
+
+// As many as stage texels takes forty times.
+TEST(TellingFrames, AreAsManyAsThePresetCanLearn) {
+    EXPECT_EQ(framesWorthLearning(presetByName("ci")), 40u);
+    EXPECT_EQ(framesWorthLearning(presetByName("small")), 40u);
+    EXPECT_EQ(framesWorthLearning(presetByName("best")), 120u);
+    EXPECT_EQ(framesWorthLearning(presetByName("paper")), 1000u);
+    Preset longer = presetByName("small");
+    longer.texels.steps *= 3;
+    EXPECT_EQ(framesWorthLearning(longer), 120u);
 }
 
 class LongRecording : public Refusals {};

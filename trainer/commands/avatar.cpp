@@ -102,6 +102,7 @@ void runAvatar(const AvatarOptions& options) {
 
 void declareFlags(CommandFlags& flags, AvatarOptions& o) {
     flags.precision();
+    o.import.settings.request.clip.every = 0;
     flags.path("--out", o.out, "Folder for the person: capture/ and avatar/ in it")->required();
     declareImportFlags(flags, o.import);
     flags.prior(o.prior);
@@ -117,8 +118,9 @@ const Command<AvatarOptions> kAvatar{{
     .description =
         "Finds the person in a video (`doppel import`) and learns an avatar (`doppel train`), and\n"
         "says what the video does not show. Stopped or killed, it goes on where it was when the\n"
-        "same command is given again.",
-    .example = "doppel avatar clip.mp4 --out me --every 3",
+        "same command is given again. Of a long video it looks at as many frames as an avatar\n"
+        "needs (--every), and learns from those that tell most.",
+    .example = "doppel avatar clip.mp4 --out me",
     .flags = declareFlags,
     .run = runAvatar,
 }};

@@ -98,6 +98,14 @@ KnownPeople knownPeople(const TrainOptions& options, size_t frames, const BodyMo
     return readPeople({"cast"}, body, "--prior");
 }
 
+size_t framesWorthLearning(const Preset& preset) {
+    constexpr int kVisits = 40;
+    const SurfacePreset& texels = preset.texels;
+    return texels.steps > 0
+               ? static_cast<size_t>(std::max(1, texels.steps * texels.batch / kVisits))
+               : 1000;
+}
+
 void runTrain(const TrainOptions& options) {
     catchInterrupts();
     LaunchedRanks* ranks = launchedRanks();
@@ -105,13 +113,14 @@ void runTrain(const TrainOptions& options) {
     Capture capture = readCapture(options.capture);
     capture = capture.subset(selectFrames(options.frames, capture.size()));
     capture.requireMasks();
-    if (options.mostFrames > 0 && capture.size() > options.mostFrames) {
+    const size_t most = options.mostFrames.value_or(framesWorthLearning(options.preset));
+    if (most > 0 && capture.size() > most) {
         fmt::print(stderr,
                    "{}: of {} frames the {} that tell most are learnt from; --most-frames 0 takes "
                    "all\n",
-                   options.capture.string(), capture.size(), options.mostFrames);
+                   options.capture.string(), capture.size(), most);
         FrameCache cache(capture, size_t{64} << 20);
-        capture = capture.subset(tellingFrames(capture, cache, options.mostFrames, ranks));
+        capture = capture.subset(tellingFrames(capture, cache, most, ranks));
         capture.source["chosen"] = "for their poses";  // so that they are no video
     }
 
@@ -252,10 +261,12 @@ void declareFlags(CommandFlags& flags, TrainOptions& o) {
     flags->add_flag("!--no-clamp", o.clamp, "Let the mesh network move vertices freely");
     flags.frames(o.frames, "Frames to learn from");
     flags
-        ->add_option("--most-frames", o.mostFrames,
-                     "Of more frames than that, learn from those that tell most, by pose, side and "
-                     "sharpness; 0: from all")
-        ->capture_default_str();
+        ->add_option(
+            "--most-frames", o.mostFrames,
+            "Of more frames than that, learn from those that tell most, evenly taken, and by "
+            "pose, side and sharpness; 0: from all; without it: as many as stage texels "
+            "takes 40 times")
+        ->default_str("");
     flags.body(o.body);
     flags.prior(o.prior);
     flags.preset("small");

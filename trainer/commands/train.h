@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,7 +17,8 @@ struct TrainOptions {
     CommonOptions common;
     std::filesystem::path capture, out;
     std::string body, frames;
-    size_t mostFrames = 1000;         // of those, the ones that tell most; 0: all
+    // Of those, the ones that tell most; 0: all; nothing: framesWorthLearning() of the preset.
+    std::optional<size_t> mostFrames;
     std::vector<std::string> stages;  // of "fit", "mesh", "texture", "refine", in this order
     Preset preset;
     // Ablations; runTrain applies them to the preset. refine: false takes "refine" out of stages.
@@ -36,6 +38,10 @@ struct TrainOptions {
 };
 
 void runTrain(const TrainOptions& options);
+
+// So many frames that stage texels, where there is one, takes each often enough to set its pose and
+// to learn what it shows; a thousand without.
+size_t framesWorthLearning(const Preset& preset);
 
 // Who tells what so many frames do not show. InputError for a prior that readPeople() refuses, and
 // for one that none of the stages asks.

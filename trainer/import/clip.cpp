@@ -161,6 +161,23 @@ int64_t Clip::expected() const {
 
 // ---- choosing -----------------------------------------------------------------------------------
 
+namespace {
+
+// Leaves each so many of the kept ones, so that there are enough.
+void takeEnough(const fs::path& source, std::vector<ClipFrame>& frames) {
+    const auto kept = static_cast<size_t>(
+        std::ranges::count_if(frames, [](const ClipFrame& f) { return f.fate == Fate::Kept; }));
+    const size_t every = (kept + kEnoughFrames - 1) / kEnoughFrames;
+    if (every < 2) return;
+    size_t number = 0;
+    for (ClipFrame& frame : frames)
+        if (frame.fate == Fate::Kept && number++ % every != 0) frame.fate = Fate::Outside;
+    fmt::print(stderr, "{}: of {} frames {} are taken, evenly; --every 1 takes all\n",
+               source.string(), frames.size(), (kept + every - 1) / every);
+}
+
+}  // namespace
+
 std::vector<ClipFrame> surveyClip(const fs::path& source, const ClipOptions& options) {
     Clip clip(source, options);
     std::vector<ClipFrame> frames;
@@ -174,7 +191,8 @@ std::vector<ClipFrame> surveyClip(const fs::path& source, const ClipOptions& opt
         ClipFrame frame{clip.time()};
         progress.update(int64_t(frames.size()) + 1);
         const bool between = frame.time >= options.from && frame.time < options.to;
-        if (!between || inTime++ % options.every != 0) frame.fate = Fate::Outside;
+        if (!between || inTime++ % std::max<int64_t>(options.every, 1) != 0)
+            frame.fate = Fate::Outside;
         if (between) {
             Image small = grey(picture);
             Image tiny = resize(picture, kCutRows * picture.width / picture.height + 1, kCutRows);
@@ -202,6 +220,7 @@ std::vector<ClipFrame> surveyClip(const fs::path& source, const ClipOptions& opt
             frame.fate = Fate::Blurred;
         }
     }
+    if (options.every == 0 && options.frames.empty()) takeEnough(source, frames);
     if (!options.frames.empty()) {
         std::vector<bool> chosen(frames.size());
         for (size_t i : selectFrames(options.frames, frames.size())) chosen[i] = true;

@@ -12,9 +12,13 @@
 
 namespace doppel {
 
+// As many show a person from all sides, and in all poses of some minutes, many times over.
+inline constexpr size_t kEnoughFrames = 600;
+
 struct ClipOptions {
     double from = 0, to = std::numeric_limits<double>::infinity();  // seconds: [from, to)
-    int64_t every = 1;         // of the pictures between them: the first, and each so many
+    int64_t every = 1;         // of the pictures between them: the first, and each so many; 0: as
+                               // few as leave kEnoughFrames at most
     std::string frames;        // selectFrames, of all pictures; empty: all
     int rows = 1080;           // pictures that are higher are scaled to this height
     double fps = 30;           // of a folder's pictures

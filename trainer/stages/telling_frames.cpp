@@ -12,6 +12,7 @@
 
 #include "engine/io/image.h"
 #include "nn/body/joint.h"
+#include "trainer/data/frame_selection.h"
 #include "trainer/data/pictures/sharpness.h"
 #include "trainer/data/progress.h"
 #include "trainer/data/shared_work.h"
@@ -75,14 +76,17 @@ private:
 // Sharpnesses that differ by less than this part are the same for who chooses.
 constexpr double kAsSharp = .1;
 
-// So many frames, each the one that is farthest from those before, beginning with the first; `left`
-// becomes the square of the distance that the next one would have.
-std::vector<size_t> farthestFrames(const PoseTable& poses, size_t count, size_t most, float& left) {
+// So many frames: half of them evenly taken, the others each the one that is farthest from those
+// before; `left` becomes the square of the distance that the next one would have.
+std::vector<size_t> spreadFrames(const PoseTable& poses, size_t count, size_t most, float& left) {
     constexpr float kTaken = -1;
     std::vector<float> apart(count, std::numeric_limits<float>::max());  // from the nearest taken
     std::vector<size_t> nearest(count), taken;
     const size_t parts = std::min(workers(), count / 4096 + 1);
-    for (size_t next = 0; taken.size() < most;) {
+    const std::vector<size_t> first = evenly(count, (most + 1) / 2);
+    size_t farthest = 0;
+    while (taken.size() < most) {
+        const size_t next = taken.size() < first.size() ? first[taken.size()] : farthest;
         std::vector<float> fromTaken;
         for (size_t other : taken) fromTaken.push_back(poses.squareBetween(next, other));
         const size_t newest = taken.size();
@@ -90,8 +94,8 @@ std::vector<size_t> farthestFrames(const PoseTable& poses, size_t count, size_t 
         apart[next] = kTaken;
         auto look = [&](size_t part) {
             const size_t end = (part + 1) * count / parts;
-            size_t farthest = part * count / parts;
-            for (size_t i = farthest; i < end; ++i) {
+            size_t there = part * count / parts;
+            for (size_t i = there; i < end; ++i) {
                 // Half as far from its nearest one as that is from the new one: the new one is no
                 // nearer.
                 if (apart[i] >= 0 && (newest == 0 || fromTaken[nearest[i]] < 4 * apart[i]))
@@ -99,15 +103,13 @@ std::vector<size_t> farthestFrames(const PoseTable& poses, size_t count, size_t 
                         apart[i] = square;
                         nearest[i] = newest;
                     }
-                if (apart[i] > apart[farthest]) farthest = i;
+                if (apart[i] > apart[there]) there = i;
             }
-            return farthest;
+            return there;
         };
-        size_t farthest = 0;
         inParallel(parts, look, [&](size_t part, size_t found) {
             if (part == 0 || apart[found] > apart[farthest]) farthest = found;
         });
-        next = farthest;
     }
     left = std::max(0.0f, *std::ranges::max_element(apart));
     return taken;
@@ -189,7 +191,7 @@ std::vector<size_t> tellingFrames(const Capture& capture, FrameCache& cache, siz
     }
     const PoseTable poses(capture);
     float left = 0;
-    taken = farthestFrames(poses, count, most, left);
+    taken = spreadFrames(poses, count, most, left);
     // Neighbours that are a quarter as far as the frames are from each other show as much.
     const float same = left / 16;
     auto neighbours = [&](size_t middle) {

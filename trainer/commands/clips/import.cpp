@@ -170,9 +170,12 @@ void declareImportFlags(CommandFlags& flags, ImportOptions& o) {
         ->check(CLI::NonNegativeNumber);
     flags->add_option("--to", clip.to, "Of a clip: seconds at which to end")
         ->check(CLI::PositiveNumber);
-    flags->add_option("--every", clip.every, "Of a clip: take each so many frames")
+    flags
+        ->add_option("--every", clip.every,
+                     fmt::format("Of a clip: take each so many frames; 0: {} at most, evenly",
+                                 kEnoughFrames))
         ->capture_default_str()
-        ->check(CLI::Range(1, 1000000));
+        ->check(CLI::Range(0, 1000000));
     flags
         ->add_option("--rows", clip.rows,
                      "Of a clip: height to which higher frames are scaled; a frame of 1080 rows "
