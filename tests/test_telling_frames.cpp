@@ -161,7 +161,7 @@ TEST(TellingFrames, AreNotDecodedWhereNoNeighbourIsLikeThem) {
     EXPECT_EQ(FrameCache::decoded(), before);
 }
 
-// As many as stage texels takes forty times.
+// As many as stage texels takes forty times, and no fewer than show all sides.
 TEST(TellingFrames, AreAsManyAsThePresetCanLearn) {
     EXPECT_EQ(framesWorthLearning(presetByName("ci")), 40u);
     EXPECT_EQ(framesWorthLearning(presetByName("small")), 40u);
@@ -170,6 +170,8 @@ TEST(TellingFrames, AreAsManyAsThePresetCanLearn) {
     Preset longer = presetByName("small");
     longer.texels.steps *= 3;
     EXPECT_EQ(framesWorthLearning(longer), 120u);
+    longer.texels.steps = 3;  // a glance
+    EXPECT_EQ(framesWorthLearning(longer), 40u);
 }
 
 class LongRecording : public Refusals {};

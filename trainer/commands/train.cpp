@@ -99,11 +99,11 @@ KnownPeople knownPeople(const TrainOptions& options, size_t frames, const BodyMo
 }
 
 size_t framesWorthLearning(const Preset& preset) {
-    constexpr int kVisits = 40;
+    constexpr int64_t kVisits = 40, kFewest = 40;
     const SurfacePreset& texels = preset.texels;
-    return texels.steps > 0
-               ? static_cast<size_t>(std::max(1, texels.steps * texels.batch / kVisits))
-               : 1000;
+    return static_cast<size_t>(
+        texels.steps > 0 ? std::max(kFewest, int64_t{texels.steps} * texels.batch / kVisits)
+                         : 1000);
 }
 
 void runTrain(const TrainOptions& options) {

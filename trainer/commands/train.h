@@ -40,7 +40,7 @@ struct TrainOptions {
 void runTrain(const TrainOptions& options);
 
 // So many frames that stage texels, where there is one, takes each often enough to set its pose and
-// to learn what it shows; a thousand without.
+// to learn what it shows, but not so few that they miss a side; a thousand without.
 size_t framesWorthLearning(const Preset& preset);
 
 // Who tells what so many frames do not show. InputError for a prior that readPeople() refuses, and
