@@ -265,7 +265,7 @@ void declareFlags(CommandFlags& flags, TrainOptions& o) {
             "--most-frames", o.mostFrames,
             "Of more frames than that, learn from those that tell most, evenly taken, and by "
             "pose, side and sharpness; 0: from all; without it: as many as stage texels "
-            "takes 40 times")
+            "takes 40 times, and 40 at the least")
         ->default_str("");
     flags.body(o.body);
     flags.prior(o.prior);
