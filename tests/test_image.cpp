@@ -331,32 +331,38 @@ Bytes iccp(Bytes profile) {
     return data;
 }
 
-// In a segment behind the first marker.
-Bytes jpegWith(const Bytes& profile) {
+// In segments of so many bytes of it behind the first marker, which may come in any order.
+Bytes jpegWith(const Bytes& profile, size_t part = 65000) {
     Folder folder;
     writeImage(folder / "a.jpg", fields());
     Bytes jpeg = readWholeFile(folder / "a.jpg");
-    Bytes segment{0xFF, 0xE2};
-    const size_t length = 2 + 14 + profile.size();
-    segment.insert(segment.end(), {uint8_t(length >> 8), uint8_t(length & 255)});
-    for (const char letter : std::string_view("ICC_PROFILE\0\1\1", 14))
-        segment.push_back(uint8_t(letter));
-    segment.insert(segment.end(), profile.begin(), profile.end());
-    jpeg.insert(jpeg.begin() + 2, segment.begin(), segment.end());
+    const size_t count = (profile.size() + part - 1) / part;
+    for (size_t k = 0; k < count; ++k) {  // each before those that are there
+        const auto from = profile.begin() + ptrdiff_t(k * part);
+        const auto size = ptrdiff_t(std::min(part, profile.size() - k * part));
+        const size_t length = 2 + 14 + size_t(size);
+        Bytes segment{0xFF, 0xE2, uint8_t(length >> 8), uint8_t(length & 255)};
+        for (const char letter : std::string_view("ICC_PROFILE", 12))
+            segment.push_back(uint8_t(letter));
+        segment.insert(segment.end(), {uint8_t(k + 1), uint8_t(count)});
+        segment.insert(segment.end(), from, from + size);
+        jpeg.insert(jpeg.begin() + 2, segment.begin(), segment.end());
+    }
     return jpeg;
 }
 
-// One strip, lowest bytes first.
-Bytes tiffWith(const Image& image, const Bytes& profile) {
-    Bytes out{'I', 'I', 42, 0};
-    const auto little = [&](uint32_t value, int size) {
-        for (int i = 0; i < size; ++i) out.push_back(uint8_t(value >> (8 * i)));
+// One strip, lowest bytes first or last.
+Bytes tiffWith(const Image& image, const Bytes& profile, bool little = true) {
+    Bytes out = little ? Bytes{'I', 'I', 42, 0} : Bytes{'M', 'M', 0, 42};
+    const auto put = [&](uint32_t value, int size) {
+        for (int i = 0; i < size; ++i)
+            out.push_back(uint8_t(value >> (8 * (little ? i : size - 1 - i))));
     };
     const uint32_t pixels = 8, bits = pixels + uint32_t(image.data.size()), icc = bits + 6;
     const uint32_t directory = (icc + uint32_t(profile.size()) + 1) / 2 * 2;
-    little(directory, 4);
+    put(directory, 4);
     out.insert(out.end(), image.data.begin(), image.data.end());
-    for (int c = 0; c < 3; ++c) little(8, 2);
+    for (int c = 0; c < 3; ++c) put(8, 2);
     out.insert(out.end(), profile.begin(), profile.end());
     out.resize(directory);
     const uint32_t entries[][4] = {{256, 4, 1, uint32_t(image.width)},
@@ -369,14 +375,15 @@ Bytes tiffWith(const Image& image, const Bytes& profile) {
                                    {278, 4, 1, uint32_t(image.height)},
                                    {279, 4, 1, uint32_t(image.data.size())},
                                    {34675, 7, uint32_t(profile.size()), icc}};
-    little(10, 2);
+    put(10, 2);
     for (const auto& [tag, type, count, value] : entries) {
-        little(tag, 2);
-        little(type, 2);
-        little(count, 4);
-        little(value, 4);
+        put(tag, 2);
+        put(type, 2);
+        put(count, 4);
+        // A number of two bytes is in the first ones.
+        put(type == 3 && count == 1 && !little ? value << 16 : value, 4);
     }
-    little(0, 4);
+    put(0, 4);
     return out;
 }
 
@@ -391,9 +398,12 @@ TEST(Colours, DisplayP3BecomesSrgb) {
     EXPECT_EQ(kept.pixel(5, 5)[3], 77);
     EXPECT_NEAR(kept.pixel(5, 5)[0], srgbOf(kFields[0])[0], 1);
 
-    // A JPEG, which another library decodes, and a TIFF.
+    // A JPEG, which another library decodes, TIFF and WebP.
     expectFields(decodeImage(jpegWith(p3), "p3.jpg"), 3);
+    expectFields(decodeImage(jpegWith(p3, 250), "parts.jpg"), 3);
     expectFields(decodeImage(tiffWith(fields(), p3), "p3.tif"), 1);
+    expectFields(decodeImage(tiffWith(fields(), p3, false), "p3.tif"), 1);
+    expectFields(readImage(kPictures / "p3.webp"), 1);
 }
 
 TEST(Colours, SrgbsOwnProfileAndDamagedOnesChangeNothing) {
@@ -506,6 +516,7 @@ TEST(Image, damageIsRefusedNotFollowed) {
                                       readWholeFile(folder / "a.jpg"),
                                       png(2, 1, 8, 3, {{1, 0}}, {0, 0, 0, 128, 0, 0}),
                                       readWholeFile(kPictures / "turned-p3.heic"),
+                                      readWholeFile(kPictures / "told.jpg"),
                                       readWholeFile(kPictures / "p3.avif"),
                                       exr({0.2f, 1.0f, 0.0f, 7.0f, -1.0f, 0.5f})};
     std::mt19937 random(11);
