@@ -26,6 +26,9 @@ struct Painted {
     std::array<Colour, kGarmentCount> colours{};  // skin, hair, top, bottom, shoes
     // Whether the sleeves reach the wrists, and hair the waist.
     bool longSleeves = false, longHair = false;
+    // Whether legs are bare down to socks, which are shoes here, and the top covers the hips; shoes
+    // as high as those socks under trousers.
+    bool bareLegs = false, longTop = false, boots = false;
 };
 constexpr Painted kAnn{{kPale, kBrown, kBlue, kGrey, kGreen}};
 constexpr Painted kBea{{kDark, kBlack, kRed, kGreen, kGrey}, true};
@@ -57,13 +60,17 @@ Garment wornAt(const Painted& person, size_t v) {
         case joint::kRightFoot:
         case joint::kLeftAnkle:
         case joint::kRightAnkle:
-            return y < -.98f ? Garment::Shoes : Garment::Bottom;
+            if (y < (person.bareLegs || person.boots ? -.9f : -1.02f)) return Garment::Shoes;
+            return person.bareLegs ? Garment::Skin : Garment::Bottom;
         case joint::kPelvis:
         case joint::kLeftHip:
         case joint::kRightHip:
+            if (person.longTop && y > -.32f) return Garment::Top;
+            return person.bareLegs && y < -.5f ? Garment::Skin : Garment::Bottom;
         case joint::kLeftKnee:
         case joint::kRightKnee:
-            return Garment::Bottom;
+            if ((person.bareLegs || person.boots) && y < -.9f) return Garment::Shoes;
+            return person.bareLegs ? Garment::Skin : Garment::Bottom;
         default:
             return person.longHair && z < .01f && std::abs(body().templateVertices[3 * v]) < .08f
                        ? Garment::Hair
@@ -138,6 +145,10 @@ TEST(Garments, AreToldByColourAndPlace) {
     longHair.longHair = true;
     EXPECT_GT(partThatAgrees(longHair, segmentGarments(body(), avatarOf(longHair).texture, kSize)),
               .97);
+    // A short skirt over legs is no long one.
+    Painted skirt = kAnn;
+    skirt.bareLegs = true;
+    EXPECT_GT(partThatAgrees(skirt, segmentGarments(body(), avatarOf(skirt).texture, kSize)), .98);
 }
 
 TEST(Garments, APrintIsOfItsShirt) {
@@ -311,6 +322,111 @@ TEST(Mix, WhatHairCoveredTakesAfterTheGarmentAround) {
                                       movedBy({joint::kSpine2, joint::kSpine3})(v);
                            }),
                  kBlue);
+}
+
+// [V] Of legs, how high above the soles: shares of heights.
+auto onLegs(float from, float to) {
+    return [=](size_t v) {
+        const float y = body().templateVertices[3 * v + 1];
+        return y > from && y < to;
+    };
+}
+
+TEST(Mix, ShoesUnderAnothersSkirtAreWholeAndSocksAreTheSkirts) {
+    Painted skirted = kBea;
+    skirted.bareLegs = true;
+    skirted.colours[number(Garment::Shoes)] = kBlack;
+    const Avatar ann = avatarOf(kAnn), bea = avatarOf(skirted);
+    const Mix mix = mixAvatars({.base = &ann, .bottom = &bea});
+    expectColour(meanWhere(mix.avatar, onLegs(-2, -1.05f)), kGreen);    // ann's shoes
+    expectColour(meanWhere(mix.avatar, onLegs(-1.0f, -.93f)), kBlack);  // bea's socks
+    expectColour(meanWhere(mix.avatar, onLegs(-.85f, -.6f)), kPale);    // legs of ann's colour
+    EXPECT_LT(mix.unseen, .01);
+}
+
+TEST(Mix, TrousersReachATopThatIsShorterThanTheirs) {
+    Painted covering = kBea;
+    covering.longTop = true;
+    const Avatar ann = avatarOf(kAnn), bea = avatarOf(covering);
+    const Mix mix = mixAvatars({.base = &bea, .top = &ann});
+    const auto hips = [](size_t v) {
+        const float y = body().templateVertices[3 * v + 1];
+        return wornAt(kAnn, v) == Garment::Bottom && y > -.25f;
+    };
+    expectColour(meanWhere(mix.avatar, hips), kGreen);
+}
+
+TEST(Mix, TrousersHangDownOverAnothersShoes) {
+    Painted boots = kAnn;
+    boots.boots = true;
+    Painted low = kBea;
+    low.colours[number(Garment::Shoes)] = kBlack;
+    const Avatar ann = avatarOf(boots), bea = avatarOf(low);
+    // Bea's shoes end below where ann's trousers do.
+    const Mix mix = mixAvatars({.base = &ann, .shoes = &bea});
+    expectColour(meanWhere(mix.avatar, onLegs(-1, -.93f)), kGrey);
+    expectColour(meanWhere(mix.avatar, onLegs(-2, -1.06f)), kBlack);
+}
+
+// Texels beside a seam show some of the other side, which goes with it.
+TEST(Mix, HemsAreWithoutWhatWasWornBelow) {
+    Avatar ann = avatarOf(kAnn);
+    const Avatar bea = avatarOf(kBea);
+    const std::vector<TexelPlace> places = texelPlaces(body(), kSize);
+    const MeshTopology mesh = meshTopology(body().faces, body().vertexCount, "body");
+    std::vector<size_t> hem;
+    for (size_t t = 0; t < places.size(); ++t) {
+        if (places[t].face < 0) continue;
+        bool top = true, beside = false;
+        for (size_t i = 0; i < 3; ++i) {
+            const auto v = size_t(body().faces[3 * size_t(places[t].face) + i]);
+            top = top && wornAt(kAnn, v) == Garment::Top;
+            beside = beside || std::ranges::any_of(mesh.adjacency.of(v), [](int32_t n) {
+                         return wornAt(kAnn, size_t(n)) == Garment::Bottom;
+                     });
+        }
+        if (!top || !beside) continue;
+        hem.push_back(t);
+        for (size_t c = 0; c < 3; ++c) ann.texture[3 * t + c] = std::lerp(kBlue[c], kGrey[c], .75f);
+    }
+    ASSERT_GT(hem.size(), 50u);
+    const Mix mix = mixAvatars({.base = &ann, .bottom = &bea});
+    double grey = 0;
+    for (size_t t : hem) {
+        const float* texel = &mix.avatar.texture[3 * t];
+        grey += double(texel[0] - kBlue[0]) / double(kGrey[0] - kBlue[0]) / double(hem.size());
+    }
+    EXPECT_LT(grey, .25);
+    // Where the trousers stay, so do the texels.
+    const Mix same = mixAvatars({.base = &ann, .hair = &bea});
+    for (size_t t : hem) EXPECT_NEAR(same.avatar.texture[3 * t], ann.texture[3 * t], 1e-5f);
+}
+
+// What shines on pale skin is no white spot on dark skin.
+TEST(Mix, ShadesOfSkinAreInProportion) {
+    Avatar ann = avatarOf(kAnn);
+    const Avatar bea = avatarOf(kBea);
+    const auto forearms = movedBy({joint::kLeftElbow, joint::kRightElbow});
+    const std::vector<TexelPlace> places = texelPlaces(body(), kSize);
+    std::vector<size_t> shining;
+    for (size_t t = 0; t < places.size(); t += 7) {
+        if (places[t].face < 0 || !forearms(size_t(body().faces[3 * size_t(places[t].face)])))
+            continue;
+        shining.push_back(t);
+        for (size_t c = 0; c < 3; ++c) ann.texture[3 * t + c] = .97f;
+    }
+    ASSERT_GT(shining.size(), 50u);
+    const Mix mix = mixAvatars({.base = &ann, .head = &bea});
+    for (size_t t : shining)
+        for (size_t c = 0; c < 3; ++c)
+            EXPECT_NEAR(mix.avatar.texture[3 * t + c], .97f * kDark[c] / kPale[c], .06f);
+}
+
+TEST(Mix, IsLitAsItsBaseIs) {
+    Avatar ann = avatarOf(kAnn);
+    ann.light.assign(24, .1f);
+    const Avatar bea = avatarOf(kBea);
+    EXPECT_EQ(mixAvatars({.base = &ann, .top = &bea}).avatar.light, ann.light);
 }
 
 TEST(Mix, ShapeIsOfTheBodyUnderClothes) {

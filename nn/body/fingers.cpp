@@ -48,12 +48,6 @@ struct Hand {
 struct Mesh {
     std::vector<glm::dvec3> at;
     Adjacency adjacency;
-
-    std::span<const int32_t> around(size_t v) const {
-        return std::span(adjacency.neighbours)
-            .subspan(static_cast<size_t>(adjacency.begin[v]),
-                     static_cast<size_t>(adjacency.begin[v + 1] - adjacency.begin[v]));
-    }
 };
 
 constexpr double kFar = 1e9;  // m; no edges lead there
@@ -65,8 +59,8 @@ std::vector<double> awayFromArm(const Mesh& mesh, const std::vector<uint8_t>& of
     std::priority_queue<Entry, std::vector<Entry>, std::greater<>> next;
     for (size_t v = 0; v < ofHand.size(); ++v) {
         if (!ofHand[v]) continue;
-        const bool atArm =
-            std::ranges::any_of(mesh.around(v), [&](int32_t n) { return !ofHand[size_t(n)]; });
+        const bool atArm = std::ranges::any_of(mesh.adjacency.of(v),
+                                               [&](int32_t n) { return !ofHand[size_t(n)]; });
         away[v] = atArm ? 0 : kFar;
         if (atArm) next.emplace(0, v);
     }
@@ -74,7 +68,7 @@ std::vector<double> awayFromArm(const Mesh& mesh, const std::vector<uint8_t>& of
         const auto [distance, v] = next.top();
         next.pop();
         if (distance > away[v]) continue;
-        for (const int32_t n : mesh.around(v)) {
+        for (const int32_t n : mesh.adjacency.of(v)) {
             const auto to = static_cast<size_t>(n);
             const double there = distance + glm::length(mesh.at[to] - mesh.at[v]);
             if (there >= away[to]) continue;
@@ -118,7 +112,7 @@ std::vector<Finger> fingersOf(const Mesh& mesh, const std::vector<size_t>& hand,
         int mine = static_cast<int>(pieces.size());
         pieces.push_back({.peak = away[v], .vertices = {v}});
         pieceOf[v] = mine;
-        for (const int32_t n : mesh.around(v)) {
+        for (const int32_t n : mesh.adjacency.of(v)) {
             int other = pieceOf[static_cast<size_t>(n)];
             if (other < 0 || other == mine) continue;
             if (pieces[size_t(other)].peak > pieces[size_t(mine)].peak) std::swap(mine, other);
@@ -183,8 +177,8 @@ std::vector<double> weightsOf(const Mesh& mesh, const Hand& hand, size_t which,
         for (const size_t v : hand.vertices) {
             if (kind[v] == Fixed) continue;
             double sum = 0;
-            for (const int32_t n : mesh.around(v)) sum += weights[size_t(n)];
-            weights[v] = sum / static_cast<double>(mesh.around(v).size());
+            for (const int32_t n : mesh.adjacency.of(v)) sum += weights[size_t(n)];
+            weights[v] = sum / static_cast<double>(mesh.adjacency.of(v).size());
         }
     return weights;
 }

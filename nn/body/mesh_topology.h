@@ -16,6 +16,10 @@ namespace doppel {
 struct Adjacency {
     std::vector<int32_t> begin;       // [V+1]
     std::vector<int32_t> neighbours;  // [2E]
+
+    std::span<const int32_t> of(size_t v) const {
+        return std::span(neighbours).subspan(size_t(begin[v]), size_t(begin[v + 1] - begin[v]));
+    }
 };
 // From edges [E,2], each undirected edge once. InputError naming `where` for a vertex that is not
 // in [0, vertexCount).

@@ -8,6 +8,7 @@
 
 #include "engine/error.h"
 #include "nn/body/mesh_topology.h"
+#include "trainer/avatar/mix/colour_mixture.h"
 #include "trainer/avatar/mix/lab.h"
 
 namespace doppel {
@@ -33,8 +34,8 @@ constexpr std::array<Place, joint::kCount> kPlaces = {{
     {joint::kLeftAnkle, {1, kNever, kNever, 0, .5}},
     {joint::kRightAnkle, {1, kNever, kNever, 0, .5}},
     {joint::kSpine3, {2, 2, 0, kNever, kNever}},
-    {joint::kLeftFoot, {1, kNever, kNever, 2, 0}},
-    {joint::kRightFoot, {1, kNever, kNever, 2, 0}},
+    {joint::kLeftFoot, {6, kNever, kNever, 2, 0}},
+    {joint::kRightFoot, {6, kNever, kNever, 2, 0}},
     {joint::kNeck, {0, 1, 1, kNever, kNever}},
     {joint::kLeftCollar, {1, 1, 0, kNever, kNever}},
     {joint::kRightCollar, {1, 1, 0, kNever, kNever}},
@@ -50,64 +51,6 @@ constexpr std::array<Place, joint::kCount> kPlaces = {{
 }};
 constexpr Costs kFace = {0, 6, kNever, kNever, kNever};  // besides
 
-// Round Gaussians of L*a*b* around the means of k-means clusters.
-class ColourMixture {
-public:
-    explicit ColourMixture(std::vector<glm::dvec3> colours) {
-        // From dark to light, a quarter each, where clusters begin.
-        std::ranges::stable_sort(colours, {}, &glm::dvec3::x);
-        std::vector<size_t> cluster(colours.size());
-        for (size_t i = 0; i < colours.size(); ++i) cluster[i] = i * kClusters / colours.size();
-        for (int pass = 0; pass < kPasses; ++pass) {
-            fitTo(colours, cluster);
-            for (size_t i = 0; i < colours.size(); ++i)
-                for (size_t k = 0; k < kClusters; ++k)
-                    if (squared(colours[i] - means_[k]) < squared(colours[i] - means_[cluster[i]]))
-                        cluster[i] = k;
-        }
-        fitTo(colours, cluster);
-    }
-
-    // -log of the density, up to a constant; bounded, for any colour may be anywhere once.
-    double cost(const glm::dvec3& colour) const {
-        constexpr double kFloor = 1e-8;
-        double density = kFloor;
-        for (size_t k = 0; k < kClusters; ++k)
-            density += shares_[k] / std::pow(variances_[k], 1.5) *
-                       std::exp(-squared(colour - means_[k]) / (2 * variances_[k]));
-        return -std::log(density);
-    }
-
-private:
-    static constexpr size_t kClusters = 4;
-    static constexpr int kPasses = 20;
-    static constexpr double kLeastVariance = 16;
-
-    static double squared(const glm::dvec3& x) { return glm::dot(x, x); }
-
-    // A cluster that nothing belongs to keeps its mean.
-    void fitTo(const std::vector<glm::dvec3>& colours, const std::vector<size_t>& cluster) {
-        std::array<glm::dvec3, kClusters> sums{};
-        std::array<double, kClusters> counts{}, squares{};
-        for (size_t i = 0; i < colours.size(); ++i) {
-            sums[cluster[i]] += colours[i];
-            ++counts[cluster[i]];
-        }
-        for (size_t k = 0; k < kClusters; ++k)
-            if (counts[k] > 0) means_[k] = sums[k] / counts[k];
-        for (size_t i = 0; i < colours.size(); ++i)
-            squares[cluster[i]] += squared(colours[i] - means_[cluster[i]]);
-        for (size_t k = 0; k < kClusters; ++k) {
-            shares_[k] = counts[k] / double(colours.size());
-            variances_[k] =
-                std::max(kLeastVariance, counts[k] > 0 ? squares[k] / (3 * counts[k]) : 0);
-        }
-    }
-
-    std::array<glm::dvec3, kClusters> means_{};
-    std::array<double, kClusters> shares_{}, variances_{};
-};
-
 // Vertices that can hardly be anything else.
 std::vector<std::optional<Garment>> sureGarments(const BodyModel& body) {
     const auto vertices = static_cast<size_t>(body.vertexCount);
@@ -117,11 +60,10 @@ std::vector<std::optional<Garment>> sureGarments(const BodyModel& body) {
         return sum;
     };
     std::vector<std::optional<Garment>> sure(vertices);
-    std::vector<size_t> chest, scalp;
+    std::vector<size_t> chest, thighs, scalp;
     for (size_t v = 0; v < vertices; ++v) {
         if (share(v, {joint::kSpine2, joint::kSpine3}) > .8) chest.push_back(v);
-        if (share(v, {joint::kLeftHip, joint::kRightHip, joint::kLeftKnee, joint::kRightKnee}) > .9)
-            sure[v] = Garment::Bottom;
+        if (share(v, {joint::kLeftHip, joint::kRightHip}) > .9) thighs.push_back(v);
         if (share(v, {joint::kLeftFoot, joint::kRightFoot}) > .8) sure[v] = Garment::Shoes;
         if (body.face[v] || share(v, {joint::kLeftHand, joint::kRightHand}) > .9)
             sure[v] = Garment::Skin;
@@ -132,6 +74,10 @@ std::vector<std::optional<Garment>> sureGarments(const BodyModel& body) {
     std::ranges::sort(chest, std::greater{},
                       [&](size_t v) { return body.templateVertices[3 * v + 2]; });
     for (size_t i = 0; i < chest.size() / 2; ++i) sure[chest[i]] = Garment::Top;
+    // The upper half of the thighs, for shorts and skirts end below.
+    std::ranges::sort(thighs, std::greater{},
+                      [&](size_t v) { return body.templateVertices[3 * v + 1]; });
+    for (size_t i = 0; i < thighs.size() / 2; ++i) sure[thighs[i]] = Garment::Bottom;
     // The upper two fifths of the head without its face.
     std::ranges::sort(scalp, std::greater{},
                       [&](size_t v) { return body.templateVertices[3 * v + 1]; });
@@ -150,16 +96,17 @@ std::vector<std::optional<Garment>> sureOf(std::span<const GarmentShares> expect
     return sure;
 }
 
-// Hair may hang over a face: sure skin that has rather the colour of sure hair is not sure.
-void doubtHairOnSkin(std::span<const glm::dvec3> colours, std::span<const double> seen,
-                     std::vector<std::optional<Garment>>& sure) {
+// Hair may hang over a face, and a shirt may be open: a sure vertex of one garment that has rather
+// the colour of another's sure ones is not sure.
+void doubt(Garment garment, Garment other, std::span<const glm::dvec3> colours,
+           std::span<const double> seen, std::vector<std::optional<Garment>>& sure) {
     constexpr double kSeenWell = .05, kApart = 14;  // of L*a*b*
-    auto medianOf = [&](Garment garment) -> std::optional<glm::dvec3> {
+    auto medianOf = [&](Garment of) -> std::optional<glm::dvec3> {
         glm::dvec3 median;
         for (int c = 0; c < 3; ++c) {
             std::vector<double> values;
             for (size_t v = 0; v < sure.size(); ++v)
-                if (sure[v] == garment && seen[v] >= kSeenWell) values.push_back(colours[v][c]);
+                if (sure[v] == of && seen[v] >= kSeenWell) values.push_back(colours[v][c]);
             if (values.empty()) return std::nullopt;
             const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
             std::ranges::nth_element(values, middle);
@@ -167,11 +114,11 @@ void doubtHairOnSkin(std::span<const glm::dvec3> colours, std::span<const double
         }
         return median;
     };
-    const auto skin = medianOf(Garment::Skin), hair = medianOf(Garment::Hair);
-    if (!skin || !hair || glm::distance(*skin, *hair) < kApart) return;
+    const auto own = medianOf(garment), theirs = medianOf(other);
+    if (!own || !theirs || glm::distance(*own, *theirs) < kApart) return;
     for (size_t v = 0; v < sure.size(); ++v)
-        if (sure[v] == Garment::Skin && seen[v] >= kSeenWell &&
-            glm::distance(colours[v], *hair) < glm::distance(colours[v], *skin))
+        if (sure[v] == garment && seen[v] >= kSeenWell &&
+            glm::distance(colours[v], *theirs) < glm::distance(colours[v], *own))
             sure[v].reset();
 }
 
@@ -300,7 +247,11 @@ std::vector<Garment> segmentGarments(const BodyModel& body, std::span<const glm:
 
     std::vector<std::optional<Garment>> sure =
         expected.empty() ? sureGarments(body) : sureOf(expected);
-    if (!expected.empty()) doubtHairOnSkin(colours, seen, sure);
+    if (!expected.empty())
+        doubt(Garment::Skin, Garment::Hair, colours, seen, sure);
+    else
+        for (Garment garment : {Garment::Top, Garment::Bottom})
+            doubt(garment, Garment::Skin, colours, seen, sure);
     std::vector<std::optional<Garment>> labels = sure;
     for (int round = 0; round < kRounds; ++round) {
         std::vector<Costs> costs = places;

@@ -8,79 +8,12 @@
 #include "engine/error.h"
 #include "nn/body/mesh_topology.h"
 #include "trainer/avatar/bake.h"
-#include "trainer/avatar/mix/lab.h"
+#include "trainer/avatar/mix/giver.h"
 #include "trainer/avatar/mix/worn_caps.h"
 
 namespace doppel {
 
 namespace {
-
-// Colours of skin: their middle and how far they spread about it, in L*a*b*.
-struct Tone {
-    glm::dvec3 middle{0}, spread{0};
-};
-
-// One that gives something.
-struct Giver {
-    const Avatar* avatar = nullptr;
-    const std::vector<float>* texture = nullptr;  // [size,size,3]
-    int size = 0;
-    std::vector<Garment> garments;    // [V]
-    std::vector<glm::dvec3> colours;  // [V] sRGB-encoded, skin as the head's
-    // What skin is, and what it is to be: Reinhard, Ashikhmin, Gooch, Shirley, Color Transfer
-    // between Images, IEEE Computer Graphics and Applications 2001, of medians.
-    Tone from, to;
-    bool recoloured = false;
-
-    bool wears(Garment garment, size_t v) const { return garments[v] == garment; }
-
-    glm::dvec3 offset(size_t v) const {
-        const std::vector<float>& offsets = avatar->body.offsets;
-        return offsets.empty() ? glm::dvec3(0)
-                               : glm::dvec3(offsets[3 * v], offsets[3 * v + 1], offsets[3 * v + 2]);
-    }
-
-    glm::dvec3 at(const glm::dvec2& uv) const { return colourAt(*texture, size, uv); }
-
-    // How much of a texel is skin by its colour, whatever its light: where skin ends, texels have
-    // some of what lies beside it, and that part keeps its colour. As all skin, the blue of a
-    // collar would become black.
-    double skinIn(const glm::dvec3& lab) const {
-        constexpr double kSame = 3, kOther = 9;  // of the spread
-        const double off = std::hypot((lab.y - from.middle.y) / from.spread.y,
-                                      (lab.z - from.middle.z) / from.spread.z);
-        return std::clamp((kOther - off) / (kOther - kSame), 0., 1.);
-    }
-
-    // skin: how much of the place is skin, 0 to 1.
-    glm::dvec3 matched(const glm::dvec3& colour, double skin) const {
-        if (skin <= 0 || !recoloured) return colour;
-        constexpr double kMostChange = 2;  // of the spread
-        const glm::dvec3 lab = labOf(colour);
-        skin *= skinIn(lab);
-        const glm::dvec3 scale = glm::clamp(to.spread / from.spread, 1 / kMostChange, kMostChange);
-        return srgbOf(glm::mix(lab, to.middle + (lab - from.middle) * scale, skin));
-    }
-};
-
-// Of these vertices.
-Tone toneOf(const Giver& giver, const std::vector<size_t>& vertices) {
-    constexpr double kLeastSpread = 1;
-    auto median = [](std::vector<double>& values) {
-        const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
-        std::ranges::nth_element(values, middle);
-        return *middle;
-    };
-    Tone tone;
-    for (int c = 0; c < 3; ++c) {
-        std::vector<double> values;
-        for (size_t v : vertices) values.push_back(labOf(giver.colours[v])[c]);
-        tone.middle[c] = median(values);
-        for (double& x : values) x = std::abs(x - tone.middle[c]);
-        tone.spread[c] = std::max(kLeastSpread, median(values));
-    }
-    return tone;
-}
 
 void requireOneBody(const Avatar& base, const Avatar& other) {
     const BodyModel &a = base.body, &b = other.body;
@@ -105,16 +38,6 @@ struct Worn {
 constexpr std::array<int, kGarmentCount> kLayers = {0, 4, 3, 1, 2};
 int layerOf(Garment garment) { return kLayers[number(garment)]; }
 
-// How surely a texel of this colour is of the garment that has one colour in its triangle's corners
-// and not of what has the other; negative where the two can't be told apart.
-double sureOf(const glm::dvec3& texel, const glm::dvec3& own, const glm::dvec3& other) {
-    constexpr double kContrast = .08;  // of sRGB
-    const glm::dvec3 axis = own - other;
-    const double length2 = glm::dot(axis, axis);
-    if (length2 < kContrast * kContrast) return -1;
-    return std::clamp(4 * (glm::dot(texel - other, axis) / length2 - .5) + .5, 0., 1.);
-}
-
 class Mixer {
 public:
     explicit Mixer(const MixParts& parts)
@@ -123,6 +46,7 @@ public:
           vertices_(size_t(body_.vertexCount)),
           around_(meshTopology(body_.faces, body_.vertexCount, body_.file).adjacency),
           worn_(vertices_),
+          gone_(vertices_),
           onHead_(vertices_),
           onHands_(vertices_) {
         base_ = giverOf(parts.base);
@@ -137,9 +61,13 @@ public:
 
     Mix mix() {
         dress();
+        dressAnkles();
+        dressWaist();
         nameCovered();
         leaveRims();
         recolourSkin();
+        findGone();
+        findNearness();
         Mix mix;
         tell(mix);
         Avatar& avatar = mix.avatar;
@@ -147,9 +75,10 @@ public:
         avatar.bodyArrays = parts_.base->bodyArrays;
         avatar.betas = (parts_.shape ? parts_.shape : parts_.base)->betas;
         avatar.preset = parts_.base->preset;
+        avatar.light = parts_.base->light;
         setOffsets(avatar, mixedOffsets());
         for (const Giver& giver : givers_)
-            avatar.textureSize = std::max(avatar.textureSize, giver.size);
+            avatar.textureSize = std::max(avatar.textureSize, giver.avatar().textureSize);
         avatar.texture = mixedTexture(avatar.textureSize);
         avatar.preset.texture.textureSize = avatar.textureSize;
         return mix;
@@ -158,51 +87,93 @@ public:
 private:
     // Each avatar once.
     size_t giverOf(const Avatar* avatar) {
-        const auto found = std::ranges::find(givers_, avatar, &Giver::avatar);
+        const auto found =
+            std::ranges::find(givers_, avatar, [](const Giver& giver) { return &giver.avatar(); });
         if (found != givers_.end()) return size_t(found - givers_.begin());
         requireOneBody(*parts_.base, *avatar);
-        Giver giver;
-        giver.avatar = avatar;
-        giver.texture = avatar->bakedTexture.empty() ? &avatar->texture : &avatar->bakedTexture;
-        giver.size = avatar->textureSize;
-        CHECK(!giver.texture->empty(), "an avatar has a texture");
-        giver.garments = segmentGarments(avatar->body, *giver.texture, giver.size);
-        giver.colours = vertexColours(avatar->body, *giver.texture, giver.size);
-        givers_.push_back(std::move(giver));
+        givers_.emplace_back(*avatar, around_);
         return givers_.size() - 1;
     }
 
-    std::span<const int32_t> neighboursOf(size_t v) const {
-        return std::span(around_.neighbours)
-            .subspan(size_t(around_.begin[v]), size_t(around_.begin[v + 1] - around_.begin[v]));
-    }
     // Numbers of the givers; one more is nobody's.
     size_t choices() const { return givers_.size() + 1; }
     size_t choiceOf(size_t v) const { return std::min(worn_[v].giver, givers_.size()); }
 
     void dress() {
+        // Beside a garment that is not worn a giver's skin has its shadow, and some of its colour.
+        constexpr int kShadow = 3;  // edges
+        std::vector<std::vector<Garments>> around;
+        std::vector<Garments> worn(givers_.size());
+        for (const Giver& giver : givers_)
+            around.push_back(garmentsAround(giver.garments(), kShadow, around_));
+        for (size_t k = 0; k < givers_.size(); ++k) worn[k].set(number(Garment::Skin));
+        worn[hair_].set(number(Garment::Hair)), worn[top_].set(number(Garment::Top));
+        worn[shoes_].set(number(Garment::Shoes)), worn[bottom_].set(number(Garment::Bottom));
         for (size_t v = 0; v < vertices_; ++v) {
             const float* weights = &body_.weights[v * joint::kCount];
             onHead_[v] = body_.face[v] || weights[joint::kHead] + weights[joint::kNeck] > .5f;
             onHands_[v] = weights[joint::kLeftWrist] + weights[joint::kLeftHand] +
                               weights[joint::kRightWrist] + weights[joint::kRightHand] >
                           .5f;
-            auto take = [&](Garment garment, std::initializer_list<size_t> from) {
-                for (size_t k : from)
-                    if (worn_[v].giver == kNobody && givers_[k].wears(garment, v))
-                        worn_[v] = {garment, k};
+            auto take = [&](Garment garment, size_t k) {
+                if (worn_[v].giver == kNobody && givers_[k].wears(garment, v))
+                    worn_[v] = {garment, k};
             };
-            take(Garment::Hair, {hair_});
-            take(Garment::Top, {top_});
-            take(Garment::Shoes, {shoes_});
-            take(Garment::Bottom, {bottom_});
+            take(Garment::Hair, hair_);
+            take(Garment::Top, top_);
+            take(Garment::Shoes, shoes_);
+            take(Garment::Bottom, bottom_);
+            auto takeSkin = [&](std::initializer_list<size_t> from) {
+                if (!body_.face[v] && !onHands_[v])
+                    for (size_t k : from)
+                        if ((around[k][v] & ~worn[k]).none()) take(Garment::Skin, k);
+                for (size_t k : from) take(Garment::Skin, k);
+            };
             if (onHead_[v])
-                take(Garment::Skin, {head_, hair_, base_, top_});
+                takeSkin({head_, hair_, base_, top_});
             else if (onHands_[v])
-                take(Garment::Skin, {hands_, base_, top_, head_});
+                takeSkin({hands_, base_, top_, head_});
             else
-                take(Garment::Skin, {base_, top_, bottom_, shoes_, head_});
+                takeSkin({base_, top_, bottom_, shoes_, head_});
         }
+    }
+
+    // Where neither the shoes are whose they are, for trousers covered them, nor the trousers or
+    // the skirt, for shoes or socks came up to them: trousers hang down over it, and below bare
+    // legs there are the socks and shoes that were worn with them.
+    void dressAnkles() {
+        std::vector<char> visited(vertices_);
+        for (size_t start = 0; start < vertices_; ++start) {
+            if (visited[start] || worn_[start].giver != kNobody) continue;
+            std::vector<size_t> gap{start};
+            visited[start] = 1;
+            bool onFeet = false;
+            int trousers = 0, skin = 0;  // beside it
+            for (size_t i = 0; i < gap.size(); ++i) {
+                const float* weights = &body_.weights[gap[i] * joint::kCount];
+                onFeet = onFeet || weights[joint::kLeftAnkle] + weights[joint::kRightAnkle] +
+                                           weights[joint::kLeftFoot] + weights[joint::kRightFoot] >
+                                       .5f;
+                for (int32_t at : around_.of(gap[i])) {
+                    const auto n = size_t(at);
+                    if (worn_[n].giver != kNobody) {
+                        trousers += worn_[n].garment == Garment::Bottom;
+                        skin += worn_[n].garment == Garment::Skin;
+                    } else if (!visited[n])
+                        visited[n] = 1, gap.push_back(n);
+                }
+            }
+            if (!onFeet) continue;
+            for (size_t v : gap) worn_[v] = {Garment::Bottom, trousers > skin ? kNobody : bottom_};
+        }
+    }
+
+    // Where a top ends above the trousers or the skirt of another, they go up to it.
+    void dressWaist() {
+        for (size_t v = 0; v < vertices_; ++v)
+            if (worn_[v].giver == kNobody && givers_[top_].wears(Garment::Bottom, v) &&
+                givers_[bottom_].wears(Garment::Top, v))
+                worn_[v].garment = Garment::Bottom;
     }
 
     // What hair covers, or another's longer clothes, is of the garment that lies around it, ring by
@@ -210,13 +181,14 @@ private:
     void nameCovered() {
         std::vector<char> named(vertices_);
         for (size_t v = 0; v < vertices_; ++v)
-            named[v] = worn_[v].giver != kNobody && worn_[v].garment != Garment::Hair;
+            named[v] = (worn_[v].giver != kNobody && worn_[v].garment != Garment::Hair) ||
+                       worn_[v].garment == Garment::Bottom;
         for (bool grows = true; grows;) {
             std::vector<std::pair<size_t, Garment>> ring;
             for (size_t v = 0; v < vertices_; ++v) {
                 if (named[v] || worn_[v].giver != kNobody) continue;
                 std::array<int, kGarmentCount> beside{};
-                for (int32_t n : neighboursOf(v))
+                for (int32_t n : around_.of(v))
                     if (named[size_t(n)]) ++beside[number(worn_[size_t(n)].garment)];
                 const auto most = std::ranges::max_element(beside);
                 if (*most > 0) ring.emplace_back(v, static_cast<Garment>(most - beside.begin()));
@@ -232,7 +204,7 @@ private:
         for (int ring = 0; ring < kRings; ++ring) {
             std::vector<size_t> rim;
             for (size_t v = 0; v < vertices_; ++v)
-                if (std::ranges::any_of(neighboursOf(v), [&](int32_t n) {
+                if (std::ranges::any_of(around_.of(v), [&](int32_t n) {
                         const Worn& beside = worn_[size_t(n)];
                         return beside.giver == kNobody && beside.garment == worn_[v].garment;
                     }))
@@ -241,29 +213,35 @@ private:
         }
     }
 
-    // Skin becomes what the head's giver has in the same places, and where clothes hide that, what
-    // her face has.
     void recolourSkin() {
-        constexpr size_t kFewest = 20;  // vertices that tell its colour
         std::vector<size_t> face;
         for (size_t v = 0; v < vertices_; ++v)
-            if (body_.face[v] && givers_[head_].wears(Garment::Skin, v)) face.push_back(v);
+            if (body_.face[v]) face.push_back(v);
         for (size_t k = 0; k < givers_.size(); ++k) {
-            std::vector<size_t> taken, shared;
-            for (size_t v = 0; v < vertices_; ++v) {
-                if (worn_[v].giver != k || worn_[v].garment != Garment::Skin) continue;
-                taken.push_back(v);
-                if (givers_[head_].wears(Garment::Skin, v)) shared.push_back(v);
-            }
-            if (k == head_ || taken.size() < kFewest || face.size() < kFewest) continue;
-            const bool shares = shared.size() >= kFewest;
-            givers_[k].from = toneOf(givers_[k], shares ? shared : taken);
-            givers_[k].to = toneOf(givers_[head_], shares ? shared : face);
-            givers_[k].recoloured = true;
-        }
-        for (Giver& giver : givers_)
+            std::vector<size_t> taken;
             for (size_t v = 0; v < vertices_; ++v)
-                giver.colours[v] = giver.matched(giver.colours[v], giver.wears(Garment::Skin, v));
+                if (worn_[v].giver == k && worn_[v].garment == Garment::Skin) taken.push_back(v);
+            if (k != head_) givers_[k].recolour(givers_[head_], taken, face);
+        }
+    }
+
+    void findGone() {
+        constexpr int kNear = 3;
+        for (size_t k = 0; k < givers_.size(); ++k) {
+            const std::vector<Garments> around =
+                garmentsAround(givers_[k].garments(), kNear, around_);
+            std::vector<Garments> worn(vertices_);
+            for (size_t v = 0; v < vertices_; ++v)
+                if (worn_[v].giver == k) worn[v].set(number(givers_[k].garments()[v]));
+            for (int ring = 0; ring < kNear; ++ring) {
+                std::vector<Garments> next = worn;
+                for (size_t v = 0; v < vertices_; ++v)
+                    for (int32_t n : around_.of(v)) next[v] |= worn[size_t(n)];
+                worn = std::move(next);
+            }
+            for (size_t v = 0; v < vertices_; ++v)
+                if (worn_[v].giver == k) gone_[v] = around[v] & ~worn[v];
+        }
     }
 
     void tell(Mix& mix) const {
@@ -302,7 +280,7 @@ private:
                     if (fixed[v]) continue;
                     glm::dvec3 sum(0);
                     double count = 0;
-                    for (int32_t at : neighboursOf(v)) {
+                    for (int32_t at : around_.of(v)) {
                         const auto n = size_t(at);
                         if (!known[n] || (alongGarment && worn_[n].garment != worn_[v].garment))
                             continue;
@@ -317,22 +295,36 @@ private:
         return values;
     }
 
+    // [V] Means over neighbours, which lie a centimetre apart.
+    std::vector<double> smoothed(std::vector<double> values, int passes) const {
+        for (int pass = 0; pass < passes; ++pass) {
+            std::vector<double> next = values;
+            for (size_t v = 0; v < vertices_; ++v) {
+                const auto beside = around_.of(v);
+                double sum = 0;
+                for (int32_t n : beside) sum += values[size_t(n)];
+                if (!beside.empty()) next[v] = (values[v] + sum / double(beside.size())) / 2;
+            }
+            values = std::move(next);
+        }
+        return values;
+    }
+
+    void findNearness() {
+        constexpr int kPasses = 3;
+        for (size_t g = 0; g < kGarmentCount; ++g) {
+            std::vector<double> worn;
+            for (const Worn& at : worn_) worn.push_back(number(at.garment) == g);
+            nearness_[g] = smoothed(std::move(worn), kPasses);
+        }
+    }
+
     // [V,3] Across seams the givers' surfaces go over into each other.
     std::vector<float> mixedOffsets() const {
-        constexpr int kPasses = 4;  // of means over neighbours, which lie a centimetre apart
+        constexpr int kPasses = 4;
         std::vector<std::vector<double>> shares(choices(), std::vector<double>(vertices_));
         for (size_t v = 0; v < vertices_; ++v) shares[choiceOf(v)][v] = 1;
-        for (std::vector<double>& share : shares)
-            for (int pass = 0; pass < kPasses; ++pass) {
-                std::vector<double> next = share;
-                for (size_t v = 0; v < vertices_; ++v) {
-                    const auto beside = neighboursOf(v);
-                    double sum = 0;
-                    for (int32_t n : beside) sum += share[size_t(n)];
-                    if (!beside.empty()) next[v] = (share[v] + sum / double(beside.size())) / 2;
-                }
-                share = std::move(next);
-            }
+        for (std::vector<double>& share : shares) share = smoothed(std::move(share), kPasses);
         const std::vector<glm::dvec3> covered =
             filled([](const Giver& giver, size_t v) { return giver.offset(v); });
         std::vector<float> offsets;
@@ -351,79 +343,68 @@ private:
         return offsets;
     }
 
-    // A texel of the mixed texture.
-    struct Texel {
-        glm::dvec2 uv;
-        std::array<size_t, 3> corners;  // vertices of its triangle
-        std::vector<double> share,
-            skin;           // of each choice: how much of it is here; how much is skin
-        glm::dvec3 filled;  // what nobody's are
-    };
-
-    glm::dvec3 colourOf(const Texel& texel, size_t k) const {
-        return k < givers_.size() ? givers_[k].matched(givers_[k].at(texel.uv), texel.skin[k])
-                                  : texel.filled;
+    // [choices] How much of a texel each has. Within a garment they go over into each other; the
+    // uppermost of several garments ends where its giver's picture says so within a centimetre, and
+    // where that does not tell, in the middle.
+    std::vector<double> sharesOf(const AtlasTexel& texel) const {
+        constexpr double kSteep = 16;  // nats from no share of the smoothed seam to all
+        constexpr double kSharp = 2;
+        const auto [a, b, c] = texel.corners;
+        const size_t upper =
+            std::ranges::max({a, b, c}, {}, [&](size_t v) { return layerOf(worn_[v].garment); });
+        const Garment garment = worn_[upper].garment;
+        const size_t k = choiceOf(upper);
+        std::vector<double> above(choices()), below(choices());
+        double near = 0, odds = 0, all = 0, beneath = 0;
+        for (int i = 0; i < 3; ++i) {
+            const size_t v = texel.corners[size_t(i)];
+            const double corner = texel.barycentrics[i];
+            near += corner * nearness_[number(garment)][v];
+            const bool its = worn_[v].garment == garment;
+            (its ? above : below)[choiceOf(v)] += corner;
+            (its ? all : beneath) += corner;
+            if (!its && k < givers_.size())
+                odds += corner * givers_[k].odds(texel, garment, givers_[k].garments()[v]);
+        }
+        if (beneath == 0) return above;
+        if (all == 0) return below;
+        odds = odds / beneath + kSteep * (near - .5);
+        const double share = 1 / (1 + std::exp(-kSharp * odds));
+        std::vector<double> shares;
+        for (size_t i = 0; i < choices(); ++i)
+            shares.push_back(share * above[i] / all + (1 - share) * below[i] / beneath);
+        return shares;
     }
 
-    // A triangle's corners may be of several givers. Within a garment they go over into each other;
-    // the uppermost of several garments ends where its giver's picture says so, else with a narrow
-    // seam.
-    void sharpen(Texel& texel) const {
-        constexpr double kNarrow = 4;  // power of the shares
-        const size_t upper = std::ranges::max(texel.corners, {},
-                                              [&](size_t v) { return layerOf(worn_[v].garment); });
-        const size_t k = choiceOf(upper);
-        const auto ofTheSame = [&](size_t v) { return worn_[v].garment == worn_[upper].garment; };
-        if (std::ranges::all_of(texel.corners, ofTheSame)) return;
-        double sure = -1;
-        if (k < givers_.size()) {
-            glm::dvec3 own(0), other(0);
-            double owns = 0;
-            for (size_t v : texel.corners) {
-                const bool its = choiceOf(v) == k;
-                owns += its;
-                (its ? own : other) += givers_[k].colours[v];
-            }
-            if (owns < 3) sure = sureOf(colourOf(texel, k), own / owns, other / (3 - owns));
-        }
-        double others = 0;
-        for (size_t i = 0; i < choices(); ++i) {
-            texel.share[i] = std::pow(texel.share[i], kNarrow);
-            if (i != k) others += texel.share[i];
-        }
-        const double own =
-            sure >= 0 && others > 0 ? sure : texel.share[k] / (others + texel.share[k]);
-        for (double& share : texel.share) share *= others > 0 ? (1 - own) / others : 0;
-        texel.share[k] = own;
+    glm::dvec3 colourOf(const AtlasTexel& texel, size_t k) const {
+        std::array<Garments, 3> gone;
+        for (size_t i = 0; i < 3; ++i)
+            if (worn_[texel.corners[i]].giver == k) gone[i] = gone_[texel.corners[i]];
+        return givers_[k].colour(texel, gone);
     }
 
     // [size,size,3]
     std::vector<float> mixedTexture(int size) const {
         const std::vector<glm::dvec3> covered =
-            filled([](const Giver& giver, size_t v) { return giver.colours[v]; });
+            filled([](const Giver& giver, size_t v) { return giver.colour(v); });
         const std::vector<TexelPlace> places = texelPlaces(body_, size);
         std::vector<float> texture(3 * places.size());
         for (size_t t = 0; t < places.size(); ++t) {
             const TexelPlace& place = places[t];
             if (place.face < 0) continue;
-            Texel texel{(glm::dvec2(t % size_t(size), t / size_t(size)) + .5) / double(size),
-                        {},
-                        std::vector<double>(choices()),
-                        std::vector<double>(choices()),
-                        glm::dvec3(0)};
+            AtlasTexel texel{.uv = (glm::dvec2(t % size_t(size), t / size_t(size)) + .5) /
+                                   double(size)};
+            glm::dvec3 sum(0), filled(0);
             for (size_t i = 0; i < 3; ++i) {
                 const auto v = size_t(body_.faces[3 * size_t(place.face) + i]);
-                const double corner = double{place.corners[i]};
                 texel.corners[i] = v;
-                texel.share[choiceOf(v)] += corner;
-                texel.filled += corner * covered[v];
-                for (size_t k = 0; k < givers_.size(); ++k)
-                    texel.skin[k] += corner * givers_[k].wears(Garment::Skin, v);
+                texel.barycentrics[int(i)] = double{place.corners[i]};
+                filled += texel.barycentrics[int(i)] * covered[v];
             }
-            sharpen(texel);
-            glm::dvec3 sum(0);
+            const std::vector<double> shares = sharesOf(texel);
             for (size_t k = 0; k < choices(); ++k)
-                if (texel.share[k] > 0) sum += texel.share[k] * colourOf(texel, k);
+                if (shares[k] > 0)
+                    sum += shares[k] * (k < givers_.size() ? colourOf(texel, k) : filled);
             for (int c = 0; c < 3; ++c) texture[3 * t + size_t(c)] = float(sum[c]);
         }
         spreadCharts(places, size, texture);
@@ -437,6 +418,10 @@ private:
     std::vector<Giver> givers_;
     size_t base_ = 0, head_ = 0, hair_ = 0, top_ = 0, bottom_ = 0, shoes_ = 0, hands_ = 0;
     std::vector<Worn> worn_;
+    // [V] Garments that a vertex's giver wears within three edges of it, and the mix does not.
+    std::vector<Garments> gone_;
+    std::array<std::vector<double>, kGarmentCount>
+        nearness_;  // [V] how much is worn around, 0 to 1
     std::vector<char> onHead_, onHands_;
 };
 
