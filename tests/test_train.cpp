@@ -39,11 +39,12 @@ Avatar tinyAvatar() {
     return avatar;
 }
 
-TrainResult trainTiny(const Capture& capture, const fs::path& out) {
+TrainResult trainTiny(const Capture& capture, const fs::path& out,
+                      Precision precision = Precision::Single) {
     TrainSettings settings;
     settings.out = out;
     settings.pictureSeconds = 0;
-    return trainAvatar(testDevice(), tinyAvatar(), capture, settings);
+    return trainAvatar(testDevice(precision), tinyAvatar(), capture, settings);
 }
 
 double mean(const std::vector<double>& values) {
@@ -86,6 +87,12 @@ TEST(Train, LearnsAndRepeatsItselfToTheByte) {
         EXPECT_FALSE(a.empty()) << name;
         EXPECT_EQ(a, bytesOf(folder.path() / "b" / name)) << name;
     }
+
+    // Products of half-precision numbers change what networks learn, and not how well.
+    const TrainResult mixed = trainTiny(capture, folder.path() / "mixed", Precision::Mixed);
+    EXPECT_NE(mixed.avatar.texture, first.avatar.texture);
+    EXPECT_NEAR(meanMetrics(evaluateAvatar(testDevice(), mixed.avatar, mixed.capture)).psnrBody,
+                metrics.psnrBody, .5);
 }
 
 // How many faces of a surface are turned away from where the model's point.
