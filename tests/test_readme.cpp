@@ -4,6 +4,7 @@
 
 #include "tests/refusals.h"
 #include "tests/screen.h"
+#include "tests/small_run.h"
 #include "tests/tiny_training.h"
 #include "trainer/commands/command.h"
 #include "trainer/motion/hand_held.h"
@@ -14,44 +15,6 @@ namespace doppel {
 namespace {
 
 using namespace test;
-
-// Makes every command take seconds: sizes and steps of all of them, under the flags of each.
-constexpr const char* kSmall = R"(
-[fit]
-size = 64
-passes = 1
-[shape]
-size = 64
-steps = 2
-batch = 12
-[texels]
-size = 64
-steps = 2
-batch = 12
-samples = 1
-others = 1
-[mesh]
-size = 64
-blocks = 1
-layers = 2
-hidden = 8
-steps = 2
-[texture]
-size = 64
-textureSize = 64
-depth = 5
-width = 2
-block = 2
-batch = 2
-steps = 2
-[refine]
-size = 64
-depth = 5
-width = 2
-discriminatorWidth = 2
-faceSize = 16
-steps = 1
-)";
 
 enum class Needs {
     Nothing,
@@ -66,7 +29,8 @@ struct Line {
     std::vector<const char*> takes = {};   // made by makeStandIn() where no line before has made it
     std::vector<const char*> leaves = {};  // is there in the end, and not empty
     Needs needs = Needs::Nothing;
-    const char* shorter = nullptr;  // takes the command's place where the file kSmall is not enough
+    const char* shorter =
+        nullptr;  // takes the command's place where the file kSmallRun is not enough
 };
 
 const std::vector<Line> kRun{
@@ -268,7 +232,7 @@ void closeWindow(Screen& screen, pid_t program) {
 
 TEST(Readme, ItsCommandsDoWhatItSays) {
     Folder folder;
-    folder.write("small.toml", std::string(kSmall));
+    folder.write("small.toml", std::string(kSmallRun));
     folder.link(program().parent_path(), "build");
     for (const std::string& command : readPage().commands) {
         if (std::ranges::count(kNotRun, command, &Unrun::command) > 0) continue;

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <fstream>
 #include <iterator>
+#include <nlohmann/json.hpp>
 #include <optional>
 
 #include "engine/files/atomic_file.h"
@@ -33,7 +34,8 @@ std::string contentOf(const fs::path& path) {
 }
 
 // The capture in OUT/capture: what an earlier run of the same request left there, or a new one.
-void bringCaptureIn(const AvatarOptions& options) {
+// Prints what the import found, or with --json leaves that to whoever prints the rest.
+nlohmann::ordered_json bringCaptureIn(const AvatarOptions& options) {
     ImportOptions import = options.import;
     import.common = options.common;
     import.settings.out = options.out / "capture";
@@ -45,7 +47,13 @@ void bringCaptureIn(const AvatarOptions& options) {
         if (there == asked) {
             fmt::print(stderr, "{}: it is there from an earlier run, and is taken\n",
                        import.settings.out.string());
-            return;
+            const Capture capture = readCapture(import.settings.out);
+            nlohmann::ordered_json json{{"out", import.settings.out.string()},
+                                        {"was_finished", true},
+                                        {"frames", capture.size()},
+                                        {"fps", capture.fps}};
+            tellFindings(capture, json);
+            return json;
         }
         throwInput(
             "{}: expected a capture of the same clip with the same flags, found one of "
@@ -69,6 +77,7 @@ void bringCaptureIn(const AvatarOptions& options) {
     }
     keep(asked);
     if (!options.common.json) printImport(import, *result);
+    return importJson(import, *result);
 }
 
 void runAvatar(const AvatarOptions& options) {
@@ -90,14 +99,21 @@ void runAvatar(const AvatarOptions& options) {
     requireApart(options.out, inputsOf(options.import));
     claimFiles(options.out, "person", {"capture", "avatar", "request.txt"});
     const FolderLock lock(options.out);
-    bringCaptureIn(options);
+    const nlohmann::ordered_json import = bringCaptureIn(options);
     // Networks learn what changes from frame to frame, and of a few pictures the pictures.
     if (readCapture(options.out / "capture").size() <= kFewPictures &&
         std::ranges::count(train.stages, "texels") > 0)
         std::erase_if(train.stages, [](const std::string& stage) {
             return stage == "mesh" || stage == "texture" || stage == "refine";
         });
-    runTrain(train);
+    const Learnt learnt = learn(train).value();
+    if (options.common.json) {
+        nlohmann::ordered_json json = learntJson(train, learnt);
+        json["import"] = import;
+        printJson(json);
+    } else {
+        printLearnt(train, learnt);
+    }
 }
 
 void declareFlags(CommandFlags& flags, AvatarOptions& o) {

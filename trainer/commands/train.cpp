@@ -106,14 +106,14 @@ size_t framesWorthLearning(const Preset& preset) {
                          : 1000);
 }
 
-void runTrain(const TrainOptions& options) {
-    catchInterrupts();
+std::optional<Learnt> learn(const TrainOptions& options) {
     LaunchedRanks* ranks = launchedRanks();
     requireApart(options.out, {options.capture, bodyFile(options.body)});
     Capture capture = readCapture(options.capture);
     capture = capture.subset(selectFrames(options.frames, capture.size()));
     capture.requireMasks();
     const size_t most = options.mostFrames.value_or(framesWorthLearning(options.preset));
+    Learnt learnt;
     if (most > 0 && capture.size() > most) {
         fmt::print(stderr,
                    "{}: of {} frames the {} that tell most are learnt from; --most-frames 0 takes "
@@ -122,6 +122,7 @@ void runTrain(const TrainOptions& options) {
         FrameCache cache(capture, size_t{64} << 20);
         capture = capture.subset(tellingFrames(capture, cache, most, ranks));
         capture.source["chosen"] = "for their poses";  // so that they are no video
+        for (const Frame& frame : capture.frames) learnt.chosen.push_back(frame.name);
     }
 
     std::optional<RunRecord> unfinished;
@@ -202,17 +203,8 @@ void runTrain(const TrainOptions& options) {
     }
     decideTextureSize(avatar, capture, settings);  // which its record has
     if (repeats &&
-        isTrained(finished, avatar, capture, precisionNamed(options.common.precision), settings)) {
-        if (options.common.json)
-            printJson(
-                nlohmann::ordered_json{{"avatar", options.out.string()}, {"was_finished", true}});
-        else
-            fmt::print(
-                "avatar in {}: it was finished before, and stays as it is (--restart trains "
-                "it again)\n",
-                options.out.string());
-        return;
-    }
+        isTrained(finished, avatar, capture, precisionNamed(options.common.precision), settings))
+        return Learnt{.before = true};
     DeviceOptions deviceOptions = options.common.deviceOptions();
     if (ranks) deviceOptions.name = deviceOf(*ranks, deviceOptions.name);
     Device device(deviceOptions);
@@ -227,22 +219,53 @@ void runTrain(const TrainOptions& options) {
     });
     if (const std::string lacking = whatIsNotSeen(capture); paints && !lacking.empty())
         fmt::print(stderr, "{}\n", lacking);
+    learnt.frames = capture.size();
+    if (paints) learnt.unseen = unseenSides(capture);
     TrainResult result = trainAvatar(device, std::move(avatar), std::move(capture), settings);
     if (ranks) sayDecoded(*ranks);
-    if (settings.profileSteps > 0) return;
-    if (options.common.json) {
-        nlohmann::ordered_json json{{"avatar", options.out.string()}};
-        if (result.fit) {
-            json["iou_before"] = result.fit->iouBefore;
-            json["iou_after"] = result.fit->iouAfter;
-        }
-        printJson(json);
+    if (settings.profileSteps > 0) return {};
+    learnt.fit = result.fit;
+    return learnt;
+}
+
+void printLearnt(const TrainOptions& options, const Learnt& learnt) {
+    if (learnt.before) {
+        fmt::print(
+            "avatar in {}: it was finished before, and stays as it is (--restart trains it "
+            "again)\n",
+            options.out.string());
         return;
     }
-    if (result.fit)
-        fmt::print("silhouette IoU {:.3f} as given, {:.3f} fitted\n", result.fit->iouBefore,
-                   result.fit->iouAfter);
+    if (learnt.fit)
+        fmt::print("silhouette IoU {:.3f} as given, {:.3f} fitted\n", learnt.fit->iouBefore,
+                   learnt.fit->iouAfter);
     fmt::print("avatar in {}\n", options.out.string());
+}
+
+nlohmann::ordered_json learntJson(const TrainOptions& options, const Learnt& learnt) {
+    nlohmann::ordered_json json{{"avatar", options.out.string()}};
+    if (learnt.before) {
+        json["was_finished"] = true;
+        return json;
+    }
+    json["frames"] = learnt.frames;
+    if (!learnt.chosen.empty()) json["chosen"] = learnt.chosen;
+    if (!learnt.unseen.empty()) json["unseen"] = learnt.unseen;
+    if (learnt.fit) {
+        json["iou_before"] = learnt.fit->iouBefore;
+        json["iou_after"] = learnt.fit->iouAfter;
+    }
+    return json;
+}
+
+void runTrain(const TrainOptions& options) {
+    catchInterrupts();
+    const std::optional<Learnt> learnt = learn(options);
+    if (!learnt) return;
+    if (options.common.json)
+        printJson(learntJson(options, *learnt));
+    else
+        printLearnt(options, *learnt);
 }
 
 namespace {

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -10,6 +11,7 @@
 #include "trainer/avatar/preset.h"
 #include "trainer/commands/common_options.h"
 #include "trainer/stages/prior/people.h"
+#include "trainer/stages/stage.h"
 
 namespace doppel {
 
@@ -37,6 +39,19 @@ struct TrainOptions {
     bool view = false;     // open a viewer that shows the run's present state
 };
 
+// What a training found.
+struct Learnt {
+    bool before = false;              // an earlier run had finished it; nothing else is told then
+    size_t frames = 0;                // that were learnt from
+    std::vector<std::string> chosen;  // their names, where they were chosen from more
+    std::vector<std::string> unseen;  // sides that none of them shows (unseenSides())
+    std::optional<FitResult> fit;
+};
+
+// Nothing: of a profile, which says itself what it found.
+std::optional<Learnt> learn(const TrainOptions& options);
+void printLearnt(const TrainOptions& options, const Learnt& learnt);
+nlohmann::ordered_json learntJson(const TrainOptions& options, const Learnt& learnt);
 void runTrain(const TrainOptions& options);
 
 // So many frames that stage texels, where there is one, takes each often enough to set its pose and

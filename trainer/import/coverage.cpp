@@ -6,20 +6,19 @@
 #include <array>
 #include <cmath>
 #include <glm/gtc/quaternion.hpp>
-#include <vector>
 
 #include "trainer/data/pose.h"
 
 namespace doppel {
 
-std::string whatIsNotSeen(const Capture& capture) {
+std::vector<std::string> unseenSides(const Capture& capture) {
     constexpr double kSeen = 65;  // degrees from a heading, in which a side is seen
     struct Side {
         double heading;  // 0: towards the camera, 90: to its right, which shows the right side
         const char* name;
     };
     constexpr std::array<Side, 4> kSides{
-        {{0, "the front"}, {180, "the back"}, {90, "the right side"}, {-90, "the left side"}}};
+        {{0, "front"}, {180, "back"}, {90, "right side"}, {-90, "left side"}}};
     if (capture.theta.empty()) return {};
     std::vector<std::string> unseen;
     for (const Side& side : kSides) {
@@ -30,11 +29,17 @@ std::string whatIsNotSeen(const Capture& capture) {
         });
         if (!seen) unseen.emplace_back(side.name);
     }
+    return unseen;
+}
+
+std::string whatIsNotSeen(const Capture& capture) {
+    const std::vector<std::string> unseen = unseenSides(capture);
     if (unseen.empty()) return {};
     return fmt::format(
-        "no frame shows {}: what is there will be made up; a clip in which the person turns once "
+        "no frame shows the {}: what is there will be made up; a clip in which the person turns "
+        "once "
         "shows all",
-        fmt::join(unseen, ", "));
+        fmt::join(unseen, ", the "));
 }
 
 }  // namespace doppel

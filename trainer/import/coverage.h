@@ -2,13 +2,17 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "trainer/data/capture.h"
 
 namespace doppel {
 
-// A sentence that says which of front, back and sides no frame shows, and what to do. They are told
-// by the heading of the pelvis, for the poses as they are; empty where all are seen.
+// Which of "front", "back", "right side" and "left side" no frame shows, told by the heading of the
+// pelvis, for the poses as they are.
+std::vector<std::string> unseenSides(const Capture& capture);
+
+// The same as a sentence, with what to do; empty where all are seen.
 std::string whatIsNotSeen(const Capture& capture);
 
 }  // namespace doppel

@@ -94,36 +94,43 @@ constexpr std::pair<const char*, const char*> kSaid[] = {
 
 }  // namespace
 
+void tellFindings(const Capture& capture, nlohmann::ordered_json& json) {
+    const auto tell = [&](const char* said) {
+        if (const auto at = capture.source.find(said); at != capture.source.end())
+            json[said] = at->second;
+    };
+    tell("masks");
+    for (const auto& said : kSaid) tell(said.first);
+}
+
+nlohmann::ordered_json importJson(const ImportOptions& options, const ImportResult& result) {
+    const Capture& capture = result.capture;
+    // Of a clip Doppel may have found them before they were taken over.
+    const auto masks = capture.source.find("masks");
+    const bool found = masks != capture.source.end() && masks->second.starts_with("found");
+    nlohmann::ordered_json json{{"out", options.settings.out.string()},
+                                {"layout", result.layout},
+                                {"frames", capture.size()},
+                                {"masks_given", found ? 0 : result.givenMasks},
+                                {"masks_found", found ? result.givenMasks : 0},
+                                {"masks_keyed", result.keyedMasks}};
+    if (capture.keypoints) json["keypoints"] = capture.keypoints->scheme;
+    if (result.givenMasks + result.keyedMasks > 0) json["iou"] = result.meanIou;
+    if (!result.iou.empty()) json["iou_of_frames"] = result.iou;
+    if (!result.poses.empty()) json["poses"] = result.poses;
+    if (!result.posesFilled.empty()) json["poses_filled"] = result.posesFilled;
+    json["fps"] = capture.fps;
+    tellFindings(capture, json);
+    return json;
+}
+
 void runImport(const ImportOptions& options) {
     catchInterrupts();
     const ImportResult result = bringIn(options);
-    const Capture& capture = result.capture;
-    if (options.common.json) {
-        // Of a clip Doppel may have found them before they were taken over.
-        const auto masks = capture.source.find("masks");
-        const bool found = masks != capture.source.end() && masks->second.starts_with("found");
-        nlohmann::ordered_json json{{"out", options.settings.out.string()},
-                                    {"layout", result.layout},
-                                    {"frames", capture.size()},
-                                    {"masks_given", found ? 0 : result.givenMasks},
-                                    {"masks_found", found ? result.givenMasks : 0},
-                                    {"masks_keyed", result.keyedMasks}};
-        if (capture.keypoints) json["keypoints"] = capture.keypoints->scheme;
-        if (result.givenMasks + result.keyedMasks > 0) json["iou"] = result.meanIou;
-        if (!result.iou.empty()) json["iou_of_frames"] = result.iou;
-        if (!result.poses.empty()) json["poses"] = result.poses;
-        if (!result.posesFilled.empty()) json["poses_filled"] = result.posesFilled;
-        json["fps"] = capture.fps;
-        const auto tell = [&](const char* said) {
-            if (const auto at = capture.source.find(said); at != capture.source.end())
-                json[said] = at->second;
-        };
-        tell("masks");
-        for (const auto& said : kSaid) tell(said.first);
-        printJson(json);
-        return;
-    }
-    printImport(options, result);
+    if (options.common.json)
+        printJson(importJson(options, result));
+    else
+        printImport(options, result);
 }
 
 void printImport(const ImportOptions& options, const ImportResult& result) {

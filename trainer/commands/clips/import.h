@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
@@ -30,8 +31,11 @@ std::string workOf(const ImportOptions& options);
 
 // Writes the capture; goes on where a run of the same work was stopped.
 ImportResult bringIn(const ImportOptions& options);
-// What is worth knowing about it, on stdout.
+// What is worth knowing about it, on stdout, and for programs.
 void printImport(const ImportOptions& options, const ImportResult& result);
+nlohmann::ordered_json importJson(const ImportOptions& options, const ImportResult& result);
+// Of that what the capture itself has kept, into `json`.
+void tellFindings(const Capture& capture, nlohmann::ordered_json& json);
 void runImport(const ImportOptions& options);
 
 }  // namespace doppel
