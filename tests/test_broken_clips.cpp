@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iostream>
+#include <nlohmann/json.hpp>
 
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
@@ -161,6 +162,22 @@ TEST(BrokenClip, NobodyInIt) {
     EXPECT_FALSE(fs::exists(folder / "out"));
 }
 
+TEST(BrokenClip, NobodyInSomeFrames) {
+    NEEDS_MODELS();
+    Folder folder;
+    const std::vector<Image> empty = film(folder, 2, 30), with = film(folder, 4);
+    const std::vector<Image> pictures{with[0], with[1], empty[0], empty[1], with[2], with[3]};
+    const Capture capture = import(write(folder / "some.mp4", pictures), folder / "out");
+    EXPECT_EQ(capture.size(), 4u);
+    EXPECT_NEAR(capture.fps, 3 / (5 / 30.), 1e-3);
+    const auto left = nlohmann::json::parse(test::bytesOf(folder / "out/quality.json"))["left_out"];
+    ASSERT_EQ(left.size(), 2u);
+    for (size_t i = 0; i < 2; ++i) {
+        EXPECT_EQ(left[i]["frame"], 2 + i);
+        EXPECT_EQ(left[i]["why"], "without the person");
+    }
+}
+
 TEST(BrokenClip, APersonCutOffAtTheKnees) {
     NEEDS_MODELS();
     Folder folder;
@@ -208,6 +225,10 @@ TEST(BrokenClip, CutShort) {
     EXPECT_GT(capture.size(), 4u);
     EXPECT_LT(capture.size(), 18u);
     EXPECT_NE(said(capture, "ends").find("of 0.67 s"), std::string::npos) << said(capture, "ends");
+    EXPECT_NE(
+        said(capture, "ends").find("short.mp4: the video is damaged or cut short after frame "),
+        std::string::npos)
+        << said(capture, "ends");
     // The index alone, which comes first.
     const std::string_view data = "mdat";
     const auto at = std::search(whole.begin(), whole.end(), data.begin(), data.end());
@@ -218,6 +239,36 @@ TEST(BrokenClip, CutShort) {
               }).find("index.mp4: the video is damaged"),
               std::string::npos);
     EXPECT_FALSE(fs::exists(folder / "none"));
+}
+
+// Decoders paint over what they cannot read; such pictures show nobody as they were.
+TEST(BrokenClip, DamagedInTheMiddle) {
+    Folder folder;
+    film(folder, 20);
+    const std::vector<uint8_t> whole = readWholeFile(folder / "film.mp4");
+    const auto spoil = [&](size_t at) {
+        std::vector<uint8_t> bytes = whole;
+        std::fill_n(bytes.begin() + static_cast<std::ptrdiff_t>(at), 64, uint8_t{255});
+        folder.write("spoilt.mp4", bytes);
+    };
+    const std::string reason =
+        (folder / "spoilt.mp4").string() + ": the video is damaged or cut short after frame ";
+    for (const size_t tenths : {4u, 5u, 7u, 6u}) {
+        spoil(whole.size() * tenths / 10);
+        Clip clip(folder / "spoilt.mp4", {});
+        int frames = 0;
+        for (Image picture; clip.next(picture);) ++frames;
+        EXPECT_GT(frames, 1) << tenths;
+        EXPECT_LT(frames, 18) << tenths;
+        EXPECT_TRUE(clip.damage().starts_with(fmt::format("{}{}: ", reason, frames)))
+            << tenths << ": " << clip.damage();
+    }
+    NEEDS_MODELS();
+    const Capture capture = import(folder / "spoilt.mp4", folder / "out");
+    EXPECT_GT(capture.size(), 4u);
+    EXPECT_LT(capture.size(), 18u);
+    EXPECT_NE(said(capture, "ends").find(" s of 0.67 s: " + reason), std::string::npos)
+        << said(capture, "ends");
 }
 
 }  // namespace

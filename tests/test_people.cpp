@@ -208,6 +208,36 @@ TEST(ImportClip, AnImportSaysHowGoodItIs) {
     EXPECT_FALSE(fs::exists(folder / "out/shares"));
 }
 
+// The one who is followed goes behind the other, and what is found there is not taken for her.
+TEST(ImportClip, OfTwoWhoCrossOneIsKept) {
+    NEEDS_MODELS();
+    Folder folder;
+    constexpr int kFrames = 18;
+    const std::vector<Performer> performers{{&actor("woman"), glide(kFrames, -.7, .7, 3.1f)},
+                                            {&actor("man"), glide(kFrames, .7, -.7, 2.6f)}};
+    filmHandHeld(testDevice(), performers, folder / "clip.mp4", folder / "truth", wide());
+    const BodyModel body = bodyFromNpz(readBodyArrays("default"));
+    ImportSettings settings = settingsFor(folder / "clip.mp4", folder / "out", body);
+    settings.request.person = 1;
+    settings.overlays = false;
+    const Capture capture = importCapture(settings, noBody).capture;
+    const size_t left = kFrames - capture.size();
+    EXPECT_GT(left, 0u);
+    EXPECT_LT(left, size_t{kFrames} / 2);
+    EXPECT_EQ(capture.source.at("hidden"),
+              fmt::format("in {} frames somebody else was found, and they are left out", left));
+    const auto json = nlohmann::json::parse(test::bytesOf(folder / "out/quality.json"));
+    ASSERT_EQ(json.at("left_out").size(), left);
+    for (const auto& frame : json.at("left_out")) EXPECT_EQ(frame.at("why"), "without the person");
+    // Before they meet and after it is her.
+    for (const size_t f : {size_t{0}, size_t{1}, capture.size() - 2, capture.size() - 1}) {
+        const Frame& frame = capture.frames[f];
+        const Image mask = readMask(*frame.mask),
+                    truth = readMask(folder / "truth/masks" / (frame.name + ".png"));
+        EXPECT_GT(intersectionOverUnion(mask.data, truth.data), .85) << frame.name;
+    }
+}
+
 TEST(Quality, FlickerIsWhatComesAndGoes) {
     const std::vector<uint8_t> rest{255, 255, 255, 255, 0, 0}, once{255, 255, 255, 0, 255, 0},
         moved{255, 255, 255, 0, 0, 0};

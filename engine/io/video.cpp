@@ -163,7 +163,14 @@ struct VideoReader::Parts {
     bool decode() {
         while (true) {
             int code = avcodec_receive_frame(codec.get(), decoded.get());
-            if (code >= 0) return true;
+            if (code >= 0) {
+                // Decoders paint over what they cannot read, and following frames show it.
+                constexpr int kPaintedOver = FF_DECODE_ERROR_INVALID_BITSTREAM |
+                                             FF_DECODE_ERROR_CONCEALMENT_ACTIVE |
+                                             FF_DECODE_ERROR_DECODE_SLICES;
+                if (decoded->decode_error_flags & kPaintedOver) damaged(AVERROR_INVALIDDATA);
+                return true;
+            }
             if (code == AVERROR_EOF) return false;
             if (code != AVERROR(EAGAIN)) damaged(code);
             code = av_read_frame(format, packet.get());
