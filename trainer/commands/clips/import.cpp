@@ -168,7 +168,11 @@ void declareImportFlags(CommandFlags& flags, ImportOptions& o) {
     flags.path("SRC", o.settings.request.source, "Video or folder to read")->required();
     flags->add_flag("--key", o.settings.request.key,
                     "Make masks from a green screen for frames that have none");
-    flags->add_option("--fps", o.settings.request.fps, "Frames per second of the recording")
+    flags
+        ->add_option(
+            "--fps", o.settings.request.fps,
+            "Of pictures, and of the retargeting dataset: frames per second at which they were "
+            "recorded; a video and a capture say it themselves")
         ->capture_default_str()
         ->check(CLI::Range(.01, 1000.));
     flags.frames(o.settings.request.frames, "Frames to take");
@@ -203,9 +207,10 @@ void declareImportFlags(CommandFlags& flags, ImportOptions& o) {
     flags
         ->add_option(
             "--fov", o.settings.request.fov,
-            "Of a clip: degrees that the camera's longer side sees (a phone's main camera: "
-            "60 to 70; 2 atan(18 / f) for a lens of f mm at full frame)")
-        ->default_str("60")
+            "Of a clip: degrees that the camera's longer side sees (a phone's main camera: 60 to "
+            "70; 2 atan(18 / f) for a lens of f mm at full frame); without it, as the files say "
+            "of their lens, and 60 where they do not")
+        ->default_str("")
         ->check(CLI::Range(5., 150.));
     flags
         ->add_option("--height", o.settings.request.height,
