@@ -14,6 +14,7 @@
 #include "engine/error.h"
 #include "engine/io/image.h"
 #include "tests/estimate_scene.h"
+#include "tests/estimate_writers.h"
 #include "trainer/motion/motion.h"
 
 namespace doppel {
@@ -100,39 +101,6 @@ TEST(Estimates, Wham) {
     EXPECT_NEAR(motion.trans[3][0], .3, 1e-5);
 }
 
-// What PHALP keeps of the pictures from `first` on, which it counts from 0; their names from 1.
-py::Value phalp(const Truth& truth, size_t first) {
-    const double focal = 5000. / 256 * kWidth;
-    std::vector<std::pair<py::Value, py::Value>> frames;
-    for (size_t f = first; f < kFrames; ++f) {
-        const Theta seen = truth.seenOnAxis(f);
-        const auto [u, v, pixels] = truth.sight(f);
-        const double depth = focal / pixels;
-        const std::vector<double> camera{(u - kWidth / 2.) / pixels - kPelvis.x,
-                                         (v - kHeight / 2.) / pixels - kPelvis.y,
-                                         depth - kPelvis.z};
-        const auto smpl =
-            py::dict({{py::text("global_orient"), py::joblibArray({1, 3, 3}, matrices(seen, 0, 1))},
-                      {py::text("body_pose"), py::joblibArray({23, 3, 3}, matrices(seen, 1, 23))},
-                      {py::text("betas"), py::joblibArray({10}, std::vector<double>(10))}});
-        // The second track was last seen in picture 1, and is repeated with what it was there.
-        const bool lost = f > 1;
-        frames.push_back(
-            {py::text(fmt::format("outputs/_DEMO/clip/img/{:06}.jpg", f + 1)),
-             py::dict({{py::text("time"), py::integer(int64_t(f - first))},
-                       {py::text("shot"), py::integer(0)},
-                       {py::text("tracked_ids"), py::list({py::integer(3)})},
-                       {py::text("tid"), py::list({py::integer(3), py::integer(4)})},
-                       {py::text("tracked_time"),
-                        py::list({py::integer(0), py::integer(lost ? int64_t(f) - 1 : 0)})},
-                       {py::text("size"), py::list({py::integer(kHeight), py::integer(kWidth)})},
-                       {py::text("smpl"), py::list({smpl, smpl})},
-                       {py::text("camera"), py::list({py::joblibArray({3}, camera),
-                                                      py::joblibArray({3}, {4, 0, depth})})}})});
-    }
-    return py::dict(frames);
-}
-
 TEST(Estimates, FourDHumans) {
     Folder folder;
     const Truth truth;
@@ -162,50 +130,18 @@ TEST(Estimates, Gvhmr) {
     Folder folder;
     Truth truth;
     truth.camera = {300, 300, 125, 85, kWidth, kHeight};
-    std::vector<double> orient, body, transl, zeros(10 * kFrames), k;
-    for (size_t f = 0; f < kFrames; ++f) {
-        const auto& theta = truth.theta[f];
-        add(orient, std::span(theta).subspan(0, 3));
-        add(body, std::span(theta).subspan(3, 63));
-        // SMPL-X's pelvis rests 13 cm lower.
-        const glm::dvec3 t = truth.pelvis(f) - glm::dvec3(.0031, -.3514, .0120);
-        add(transl, std::vector<double>{t.x, t.y, t.z});
-        add(k, std::vector<double>{300, 0, 125, 0, 300, 85, 0, 0, 1});
-    }
-    py::Value damaged;
-    const auto save = [&](const char* name, const std::vector<double>& bodyPose, int64_t width,
-                          const char* storage = "FloatStorage") {
-        py::Torch torch;
-        const auto params = [&] {
-            return py::dict({{py::text("body_pose"), torch.tensor({6, width}, bodyPose)},
-                             {py::text("betas"), torch.tensor({6, 10}, zeros)},
-                             {py::text("global_orient"), torch.tensor({6, 3}, orient, storage)},
-                             {py::text("transl"), torch.tensor({6, 3}, transl)}});
-        };
-        torch.save(
-            folder / name,
-            py::dict({{py::text("smpl_params_global"), params()},
-                      {py::text("smpl_params_incam"), params()},
-                      {py::text("K_fullimg"), torch.tensor({6, 3, 3}, k)},
-                      {py::text("net_outputs"),
-                       py::dict({{py::text("model_output"),
-                                  py::dict({{py::text("pred_x"),
-                                             torch.tensor({1, 6}, {1, 2, 3, 4, 5, 6})}})}})}}));
-    };
-    save("hmr4d_results.pt", body, 63);
+    writeGvhmr(folder / "hmr4d_results.pt", truth);
     Scene scene(folder / "capture", truth);
     EXPECT_EQ(scene.take(folder / "hmr4d_results.pt").told, "GVHMR");
     expectTruth(scene, truth, .03);
     EXPECT_EQ(scene.capture.frames[0].camera.cy, 85);
 
-    body.resize(60 * kFrames);
-    save("short.pt", body, 60);
+    writeGvhmr(folder / "short.pt", truth, 60);
     EXPECT_NE(messageOf<InputError>([&] {
                   readEstimates(folder / "short.pt");
               }).find("short.pt: smpl_params_incam: body_pose: expected 63 numbers in each of"),
               std::string::npos);
-    body.resize(63 * kFrames);
-    save("integers.pt", body, 63, "IntStorage");
+    writeGvhmr(folder / "integers.pt", truth, 63, "IntStorage");
     EXPECT_NE(messageOf<InputError>([&] {
                   readEstimates(folder / "integers.pt");
               }).find("global_orient: expected a tensor of floats"),
@@ -218,25 +154,7 @@ TEST(Estimates, Romp) {
     // Either way in which ROMP stands the body: about SMPL's origin, or about the hips.
     for (const bool hips : {false, true}) {
         const glm::dvec3 rest = hips ? glm::dvec3(0) : kPelvis;
-        std::vector<std::pair<py::Value, py::Value>> pictures;
-        for (size_t f = 0; f < kFrames; ++f) {
-            const auto [u, v, pixels] = truth.sight(f);
-            const double s = pixels / (kWidth / 2.);
-            std::vector<double> thetas = numbers(truth.seenOnAxis(f)),
-                                cam{s, (u - kWidth / 2.) / (kWidth / 2.) - s * rest.x,
-                                    (v - kHeight / 2.) / (kWidth / 2.) - s * rest.y};
-            add(thetas, thetas);
-            add(cam, std::vector<double>{s, .9, .9});
-            pictures.push_back(
-                {py::text(fmt::format("{:08}.jpg", f)),
-                 f == 3
-                     ? py::dict({})
-                     : py::dict({{py::text("cam"), py::array({2, 3}, cam)},
-                                 {py::text("smpl_thetas"), py::array({2, 72}, thetas)},
-                                 {py::text("track_ids"), py::array({2}, {5, 2})},
-                                 {py::text("cam_trans"), py::array({2, 3}, {0, 0, 9, 0, 0, 9})}})});
-        }
-        py::savezObject(folder / "video_results.npz", "results", py::dict(pictures));
+        writeRomp(folder / "video_results.npz", truth, rest);
         Scene scene(folder / (hips ? "hips" : "origin"));
         const GivenPoses given = scene.take(folder / "video_results.npz");
         EXPECT_EQ(given.told, hips ? "ROMP, person 5 of 2 people, cam, about the hips"
@@ -250,17 +168,7 @@ TEST(Estimates, Romp) {
 TEST(Estimates, Spin) {
     Folder folder;
     const Truth truth;
-    std::vector<float> pose, betas(10 * kFrames), camera;
-    for (size_t f = 0; f < kFrames; ++f) {
-        const Theta seen = truth.seenOnAxis(f);
-        pose.insert(pose.end(), seen.begin(), seen.end());
-        camera.insert(camera.end(), {.9f, 0, .1f});
-    }
-    Npz npz;
-    npz.set("pose", Array::f32({6, 72}, pose));
-    npz.set("betas", Array::f32({6, 10}, betas));
-    npz.set("camera", Array::f32({6, 3}, camera));
-    writeNpz(folder / "spin.npz", npz, false);
+    writeSpin(folder / "spin.npz", truth);
     // Its squares are not in the file: masks tell where the body is.
     Scene scene(folder / "capture");
     EXPECT_EQ(scene.take(folder / "spin.npz").told, "SPIN, no camera; placed by the masks");
