@@ -41,6 +41,10 @@ inline glm::dvec3 anglesOf(const glm::dquat& q, const std::string& order) {
         return glm::dvec3(std::atan2(-at(1, 2), at(2, 2)), std::asin(at(0, 2)),
                           std::atan2(-at(0, 1), at(0, 0))) /
                kDegree;
+    if (order == "YXZ")
+        return glm::dvec3(std::atan2(at(0, 2), at(2, 2)), -std::asin(at(1, 2)),
+                          std::atan2(at(1, 0), at(1, 1))) /
+               kDegree;
     EXPECT_EQ(order, "ZYX");
     return glm::dvec3(std::atan2(at(1, 0), at(0, 0)), -std::asin(at(2, 0)),
                       std::atan2(at(2, 1), at(2, 2))) /
