@@ -88,7 +88,6 @@ void Recorder::barrierFor(const std::vector<Access>& accesses) {
         barrier.dstAccessMask = barrier.srcAccessMask | VK_ACCESS_INDIRECT_COMMAND_READ_BIT;
         vkCmdPipelineBarrier(commands_, kStages, kStages, 0, 1, &barrier, 0, nullptr, 0, nullptr);
         hazards_.clear();
-        ++barriers_;
     }
     hazards_.add(accesses);
 }

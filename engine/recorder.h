@@ -65,7 +65,6 @@ public:
     void wait();    // for the last submission
     bool pending() const { return pending_; }
 
-    size_t barrierCount() const { return barriers_; }
     size_t submissionCount() const { return submissions_.size(); }
     // Nanoseconds of each timestamp of the finished submission.
     std::vector<double> timestamps();
@@ -105,7 +104,6 @@ private:
     std::vector<Buffer> aligned_;  // that views are copied into; the newest of each place is used
     std::vector<size_t> alignedAt_;
     HazardTracker hazards_;
-    size_t barriers_ = 0;
     bool pending_ = false;
 };
 

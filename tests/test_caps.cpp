@@ -336,13 +336,8 @@ TEST(Caps, AreAStageOfTheTraining) {
     without.out = folder / "without";
     without.stages = {"shape", "texels"};
     const TrainResult bare = trainAvatar(testDevice(), avatar, capture, without);
-    auto mean = [](const std::vector<double>& ious) {
-        double sum = 0;
-        for (double iou : ious) sum += iou / double(ious.size());
-        return sum;
-    };
-    EXPECT_GT(mean(avatarIous(testDevice(), trained, result.capture, false)),
-              mean(avatarIous(testDevice(), bare.avatar, bare.capture, false)));
+    EXPECT_GT(test::meanIou(testDevice(), trained, result.capture, false),
+              test::meanIou(testDevice(), bare.avatar, bare.capture, false));
 }
 
 }  // namespace

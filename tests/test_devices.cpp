@@ -370,9 +370,8 @@ Trained train(Device& device, const Capture& capture, const fs::path& out) {
     settings.stages = stageNames();
     settings.pictureSeconds = 0;
     const TrainResult result = trainAvatar(device, std::move(avatar), capture, settings);
-    const std::vector<double> ious = avatarIous(device, result.avatar, result.capture, true);
-    return {std::accumulate(ious.begin(), ious.end(), 0.0) / double(ious.size()),
-            meanMetrics(evaluateAvatar(device, result.avatar, result.capture)).psnrBody};
+    const FrameMetrics mean = meanMetrics(evaluateAvatar(device, result.avatar, result.capture));
+    return {mean.iou, mean.psnrBody};
 }
 
 class Training : public testing::TestWithParam<Expected> {

@@ -7,7 +7,6 @@
 
 #include <array>
 #include <fstream>
-#include <numeric>
 #include <set>
 
 #include "engine/io/image.h"
@@ -47,10 +46,6 @@ TrainResult trainTiny(const Capture& capture, const fs::path& out,
     return trainAvatar(testDevice(precision), tinyAvatar(), capture, settings);
 }
 
-double mean(const std::vector<double>& values) {
-    return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
-}
-
 TEST(Train, LearnsAndRepeatsItselfToTheByte) {
     test::Folder folder;
     Capture capture = tinyCapture(folder.path() / "capture");
@@ -60,8 +55,8 @@ TEST(Train, LearnsAndRepeatsItselfToTheByte) {
     EXPECT_GT(first.fit->iouAfter, first.fit->iouBefore + 0.04);
 
     // The mesh network moves vertices, and not away from the masks.
-    double fitted = mean(avatarIous(testDevice(), first.avatar, first.capture, false));
-    double refined = mean(avatarIous(testDevice(), first.avatar, first.capture, true));
+    double fitted = test::meanIou(testDevice(), first.avatar, first.capture, false);
+    double refined = test::meanIou(testDevice(), first.avatar, first.capture, true);
     EXPECT_NEAR(fitted, first.fit->iouAfter, 1e-9);
     EXPECT_NE(refined, fitted);
     EXPECT_GT(refined, fitted - 0.003);
@@ -76,8 +71,7 @@ TEST(Train, LearnsAndRepeatsItselfToTheByte) {
     Avatar read = readAvatar(folder.path() / "a");
     EXPECT_EQ(read.betas, first.avatar.betas);
     EXPECT_EQ(read.preset.mesh.hidden, 16);
-    EXPECT_EQ(avatarIous(testDevice(), read, first.capture, true),
-              avatarIous(testDevice(), first.avatar, first.capture, true));
+    EXPECT_EQ(test::meanIou(testDevice(), read, first.capture, true), refined);
     EXPECT_FALSE(fs::exists(folder.path() / "a" / "checkpoints" / "mesh.safetensors"));
 
     // The same seed twice.

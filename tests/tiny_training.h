@@ -4,7 +4,10 @@
 #include <filesystem>
 
 #include "tests/op_test.h"
+#include "trainer/avatar/avatar_renderer.h"
 #include "trainer/avatar/preset.h"
+#include "trainer/data/frame_cache.h"
+#include "trainer/eval/metrics.h"
 #include "trainer/motion/synthetic.h"
 
 namespace doppel::test {
@@ -42,6 +45,18 @@ inline Capture tinyCapture(const std::filesystem::path& folder) {
     options.size = 128;
     options.samples = 2;
     return renderActor(testDevice(), actor, actorSession(6, 0, kActorDistance), folder, options);
+}
+
+// Of its silhouettes in the capture's poses with the masks, with or without the mesh network.
+inline double meanIou(Device& device, const Avatar& avatar, const Capture& capture, bool refined) {
+    FrameCache frames(capture);
+    AvatarRenderer renderer(device, avatar, refined);
+    double sum = 0;
+    for (size_t i = 0; i < capture.size(); ++i)
+        sum += intersectionOverUnion(
+            renderer.mask(capture.theta[i], capture.trans[i], capture.frames[i].camera),
+            frames.loadMask(i)->mask);
+    return sum / static_cast<double>(capture.size());
 }
 
 }  // namespace doppel::test

@@ -346,8 +346,6 @@ int VideoReader::width() const { return parts_->size.width; }
 
 int VideoReader::height() const { return parts_->size.height; }
 
-ImageSize VideoReader::storedSize() const { return {parts_->codedWidth, parts_->codedHeight}; }
-
 double VideoReader::framesPerSecond() const {
     const AVRational rate = parts_->stream->avg_frame_rate;
     return rate.num > 0 && rate.den > 0 ? av_q2d(rate) : 0;
@@ -377,8 +375,6 @@ double VideoReader::focalLength() const {
             return plausibleFocalLength(std::strtod(entry->value, nullptr));
     return 0;
 }
-
-int VideoReader::rotation() const { return parts_->rotation; }
 
 bool VideoReader::next(Image& frame) {
     Parts& p = *parts_;

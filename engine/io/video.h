@@ -74,7 +74,6 @@ public:
 
     int width() const;  // of the upright picture, as next() gives it
     int height() const;
-    ImageSize storedSize() const;    // before all that
     double framesPerSecond() const;  // the mean rate; 0 where the file does not say
     int64_t frameCount() const;      // as the file says; −1 where it does not
     double duration() const;         // seconds, as the file says; 0 where it does not
@@ -85,7 +84,6 @@ public:
     // Of the lens, mm, as of one that sees as much on 35 mm film, which phones write into QuickTime
     // files; 0 where the file does not say.
     double focalLength() const;
-    int rotation() const;  // by how many degrees clockwise frames are turned: 0, 90, 180 or 270
 
     // The next frame, 3 channels, in `frame`; false at the end.
     bool next(Image& frame);

@@ -247,11 +247,6 @@ VisibilityBuffer visibilityBuffer(Graph& graph, const RasterMesh& mesh, const Te
     return result;
 }
 
-Tensor hardMask(Graph& graph, const RasterMesh& mesh, const Tensor& verts, const Tensor& camera,
-                int64_t height, int64_t width, const RasterOptions& options) {
-    return visibilityBuffer(graph, mesh, verts, camera, height, width, options).mask;
-}
-
 Tensor texturedRender(Graph& graph, const VisibilityBuffer& visibility, const RasterAtlas& atlas,
                       const Tensor& texture) {
     CHECK(texture.shape.size() == 3 && texture.dim(2) == 3, "a texture is [H,W,3]");

@@ -69,9 +69,6 @@ struct NearestFaces {
 NearestFaces nearestFaces(Graph& graph, const RasterMesh& mesh, const Tensor& verts,
                           const Tensor& camera, int64_t height, int64_t width,
                           const RasterOptions& options = {});
-// Its mask alone.
-Tensor hardMask(Graph& graph, const RasterMesh& mesh, const Tensor& verts, const Tensor& camera,
-                int64_t height, int64_t width, const RasterOptions& options = {});
 
 // image[H,W,3]: the texture [Ht,Wt,3] at the visible faces' UVs, bilinear, clamped at the border;
 // 0 where no face is seen. Gradient to the texture.

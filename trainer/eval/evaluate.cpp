@@ -260,17 +260,4 @@ std::optional<double> videoDistance(const std::vector<std::vector<double>>& real
     return frechetDistance(fitGaussian(real), fitGaussian(rendered));
 }
 
-std::vector<double> avatarIous(Device& device, const Avatar& avatar, const Capture& capture,
-                               bool refined) {
-    capture.requireMasks();
-    FrameCache frames(capture);
-    AvatarRenderer renderer(device, avatar, refined);
-    std::vector<double> ious;
-    for (size_t i = 0; i < capture.size(); ++i)
-        ious.push_back(intersectionOverUnion(
-            renderer.mask(capture.theta[i], capture.trans[i], capture.frames[i].camera),
-            frames.loadMask(i)->mask));
-    return ious;
-}
-
 }  // namespace doppel

@@ -67,8 +67,4 @@ std::vector<FrameMetrics> evaluateAvatar(Device& device, const Avatar& avatar,
 std::optional<double> videoDistance(const std::vector<std::vector<double>>& real,
                                     const std::vector<std::vector<double>>& rendered);
 
-// The same for the silhouette alone: IoU per frame, with or without the mesh network.
-std::vector<double> avatarIous(Device& device, const Avatar& avatar, const Capture& capture,
-                               bool refined);
-
 }  // namespace doppel

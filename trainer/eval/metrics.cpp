@@ -55,6 +55,13 @@ double psnrOf(double meanSquare) {
     return meanSquare > 0 ? std::min(kEqualPsnr, 10 * std::log10(1 / meanSquare)) : kEqualPsnr;
 }
 
+struct PictureDifference {
+    double mse = 0;   // 8-bit units
+    double psnr = 0;  // dB; 99 where the pictures are equal
+    double ssim = 0;
+};
+
+// mask: empty: the whole frame.
 PictureDifference compareWithMap(std::span<const float> a, std::span<const float> b,
                                  std::span<const double> map, std::span<const uint8_t> mask) {
     double square = 0, ssim = 0;
@@ -106,13 +113,6 @@ std::vector<double> ssimMap(std::span<const float> a, std::span<const float> b, 
         }
     }
     return map;
-}
-
-PictureDifference comparePictures(std::span<const float> a, std::span<const float> b, int width,
-                                  int height, std::span<const uint8_t> mask) {
-    const std::vector<double> map = ssimMap(a, b, width, height);
-    CHECK(mask.empty() || mask.size() == map.size(), "the mask is [{}][{}]", height, width);
-    return compareWithMap(a, b, map, mask);
 }
 
 FrameMetrics measureFrame(std::string name, std::span<const float> rendered,

@@ -18,18 +18,7 @@ namespace doppel {
 // |a ∧ b| / |a ∨ b| of masks, each [H][W], > 0 inside. 1 where both are empty.
 double intersectionOverUnion(std::span<const uint8_t> a, std::span<const uint8_t> b);
 
-struct PictureDifference {
-    double mse = 0;   // 8-bit units
-    double psnr = 0;  // dB; 99 where the pictures are equal
-    double ssim = 0;
-};
-
-// a, b: [H][W][3]. mask: [H][W], > 0 counts; empty: the whole frame. An empty mask region gives
-// mse 0, psnr 99, ssim 1.
-PictureDifference comparePictures(std::span<const float> a, std::span<const float> b, int width,
-                                  int height, std::span<const uint8_t> mask = {});
-
-// The SSIM map [H][W], mean over the channels.
+// a, b: [H][W][3]. The SSIM map [H][W], mean over the channels.
 std::vector<double> ssimMap(std::span<const float> a, std::span<const float> b, int width,
                             int height);
 
@@ -41,7 +30,8 @@ struct FrameMetrics {
 };
 
 // rendered and frame: [H][W][3], the render composited on the capture's background. silhouette and
-// mask: [H][W], > 0 the person. The body's region is the mask.
+// mask: [H][W], > 0 the person. The body's region is the mask; an empty one gives PSNR 99, as equal
+// pictures do, and SSIM 1.
 FrameMetrics measureFrame(std::string name, std::span<const float> rendered,
                           std::span<const float> frame, std::span<const uint8_t> silhouette,
                           std::span<const uint8_t> mask, int width, int height);

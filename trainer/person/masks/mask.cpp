@@ -9,12 +9,10 @@ namespace doppel {
 
 namespace {
 
-// Of the square's side: how far the network's edges are from the picture's.
-constexpr double kRadiusShare = 1. / 64;
-constexpr double kEpsilon = 5e-3;
-constexpr double kIsland = .05;  // of the largest part
+constexpr double kEpsilon = 5e-3;  // of guidedFilter()
+constexpr double kIsland = .05;    // of the largest part
 
-// By colours, of the square's side as well: the network's own pixel, the windows that lead along
+// By colours, of the square's side: the network's own pixel, the windows that lead along
 // edges, the cells in which colours are counted, and how far beyond the network's mask is looked.
 constexpr double kBlurShare = 1. / 256, kLedShare = 1. / 256, kCellShare = 1. / 24,
                  kReachShare = 3. / 64;
@@ -260,14 +258,6 @@ bool isUnsure(double prior) { return prior > kLeastPrior && prior < 1 - kLeastPr
 int radiusOf(double side, double share) { return std::max(1, int(std::lround(side * share))); }
 
 }  // namespace
-
-std::vector<uint8_t> personMask(const PersonLandmarks& person, const Image& rgb) {
-    const std::vector<float> share = personShare(person, rgb.width, rgb.height);
-    const int radius = radiusOf(person.roi.side, kRadiusShare);
-    const Rect rect = rectOf(share, rgb.width, rgb.height, 2 * radius);
-    if (rect.empty()) return std::vector<uint8_t>(share.size());
-    return ledMask(partOf(rgb, rect), partOf(share, rgb.width, rect), radius, rgb, rect);
-}
 
 // ---- by a whole clip's colours ------------------------------------------------------------------
 

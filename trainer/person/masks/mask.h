@@ -18,11 +18,6 @@ std::vector<float> personShare(const PersonLandmarks& person, int width, int hei
 // behind.
 std::vector<float> personShareWithFeet(const PersonLandmarks& person, int width, int height);
 
-// [H,W], 255 on the person and 0 elsewhere: where the share, after it was led along the picture's
-// edges (He, Sun and Tang, Guided Image Filtering, TPAMI 2013), is at least a half. Islands far
-// smaller than the person are left out.
-std::vector<uint8_t> personMask(const PersonLandmarks& person, const Image& rgb);
-
 struct CutOut {
     std::vector<uint8_t> mask;  // [H,W], 255 on the person and 0 elsewhere
     double doubtful = 0;        // pixels of which it is not sure, over the person's
@@ -39,10 +34,11 @@ public:
     // After the last learn().
     void finish();
 
-    // As personMask(), of personShare() in a square of this side, and then by the colours that the
-    // person and the background have in the whole clip and about each place of this picture (after
-    // Rother, Kolmogorov and Blake, GrabCut, 2004, with histograms, and a filter along edges in
-    // place of a cut); where the camera stands still, by what is behind each place, too.
+    // Of personShare() in a square of this side: by the colours that the person and the background
+    // have in the whole clip and about each place of this picture (after Rother, Kolmogorov and
+    // Blake, GrabCut, 2004, with histograms, and in place of a cut a filter along edges: He, Sun
+    // and Tang, Guided Image Filtering, TPAMI 2013); where the camera stands still, by what is
+    // behind each place, too. Islands far smaller than the person are left out.
     // behind: what more is known of that, as MovingBackground::favour() has it, for the pixels of a
     // rectangle that are wanted.
     using Behind =
