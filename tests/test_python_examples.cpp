@@ -104,6 +104,7 @@ void writeFiles(const fs::path& in) {
     avatar.preset.refine.steps = 5;
     TrainSettings settings;
     settings.out = in / "avatar";
+    settings.stages = {"fit", "mesh", "texture", "refine"};
     settings.pictureSeconds = 0;
     trainAvatar(testDevice(), avatar, capture, settings);
 
