@@ -143,6 +143,13 @@ TEST(Bvh, KnowsTheNamesInUse) {
          {"Leg", "LowerLeg"},
          {"ToeBase", "Toe"}},
         {{"UpLeg", "Thigh"}, {"Leg", "Shin"}, {"ToeBase", "Toe"}},
+        // SOMA
+        {{"Spine", "Spine1"},
+         {"Spine1", "Spine2"},
+         {"Spine2", "Chest"},
+         {"Neck", "Neck1"},
+         {"UpLeg", "Leg"},
+         {"Leg", "Shin"}},
         // SMPL's programs
         {{"Hips", "Pelvis"},
          {"Left", "L_"},

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <initializer_list>
 #include <optional>
+#include <utility>
 
 #include "engine/error.h"
 #include "engine/files/printable.h"
@@ -111,10 +112,13 @@ Mapping findJoints(const SkeletonMotion& source) {
     auto& of = map.of;
     for (const char side : {'l', 'r'}) {
         const size_t right = side == 'r' ? 1 : 0;  // each right joint follows its left one
-        of[joint::kLeftHip + right] =
-            find(side, {"upleg", "thigh", "upperleg", "thighbend", "femur", "hip"});
-        of[joint::kLeftKnee + right] =
-            find(side, {"knee", "leg", "lowleg", "lowerleg", "shin", "calf", "tibia"});
+        int& hip = of[joint::kLeftHip + right];
+        int& knee = of[joint::kLeftKnee + right];
+        hip = find(side, {"upleg", "thigh", "upperleg", "thighbend", "femur", "hip"});
+        knee = find(side, {"knee", "leg", "lowleg", "lowerleg", "shin", "calf", "tibia"});
+        // A leg is the thigh of those who have a shin and nothing else above it.
+        const int shin = find(side, {"shin", "calf"});
+        if (hip == kNone && shin != kNone) hip = std::exchange(knee, shin);
         // Where there is an ankle a foot is what hangs on it, and a hand on a wrist.
         const int ankle = find(side, {"ankle"}), wrist = find(side, {"wrist"});
         of[joint::kLeftAnkle + right] = ankle != kNone ? ankle : find(side, {"foot"});

@@ -38,7 +38,7 @@ struct SkeletonMotion {
 // up.
 //
 // Joints are found by the names that CMU's files, Mixamo, Biovision, Poser, 3ds Max, Unreal,
-// Rokoko, Xsens, MakeHuman, VRM and SMPL's programs give them; left and right hips, knees,
+// Rokoko, Xsens, SOMA, MakeHuman, VRM and SMPL's programs give them; left and right hips, knees,
 // shoulders and elbows have to be there. The rest pose may be any standing one (T, A, arms down)
 // that looks along an axis; where the source's makes no such pose, the frame that is stretched most
 // stands in for it. Limbs are turned so that each bone points where the source's does. As many
