@@ -9,7 +9,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdlib>
+#include <optional>
 #include <stdexcept>
 
 namespace doppel::test {
@@ -159,6 +161,71 @@ void Screen::closeWindow() {
 void Screen::showWindow() {
     XMapWindow(asDisplay(display_), window());
     XSync(asDisplay(display_), False);
+}
+
+// A message of XDND to the window, from the one that is dragged from.
+void Screen::tell(unsigned long source, const char* name, long second, long third, long fourth,
+                  long fifth) {
+    XClientMessageEvent message{};
+    message.type = ClientMessage;
+    message.window = window();
+    message.message_type = XInternAtom(asDisplay(display_), name, False);
+    message.format = 32;
+    const long values[] = {static_cast<long>(source), second, third, fourth, fifth};
+    std::copy_n(values, 5, message.data.l);
+    XEvent event{};
+    event.xclient = message;
+    XSendEvent(asDisplay(display_), message.window, False, NoEventMask, &event);
+    XFlush(asDisplay(display_));
+}
+
+bool Screen::drop(const std::string& uriList, int x, int y,
+                  const std::function<void()>& meanwhile) {
+    Display* display = asDisplay(display_);
+    const auto atom = [&](const char* name) { return XInternAtom(display, name, False); };
+    const ::Window source =
+        XCreateSimpleWindow(display, DefaultRootWindow(display), 0, 0, 1, 1, 0, 0, 0);
+    const auto list = static_cast<long>(atom("text/uri-list"));
+    XSetSelectionOwner(display, atom("XdndSelection"), source, CurrentTime);
+    constexpr long kVersion = 5;
+    tell(source, "XdndEnter", kVersion << 24, list, 0, 0);
+    tell(source, "XdndPosition", 0, x << 16 | y, CurrentTime,
+         static_cast<long>(atom("XdndActionCopy")));
+    std::optional<bool> taken;
+    constexpr int kMostTurns = 1000;
+    for (int i = 0; i < kMostTurns && !taken; ++i) {
+        meanwhile();
+        while (!taken && XPending(display)) {
+            XEvent event{};
+            XNextEvent(display, &event);
+            if (event.type == SelectionRequest) {
+                const XSelectionRequestEvent& asked = event.xselectionrequest;
+                XChangeProperty(display, asked.requestor, asked.property, asked.target, 8,
+                                PropModeReplace,
+                                reinterpret_cast<const unsigned char*>(uriList.data()),
+                                static_cast<int>(uriList.size()));
+                XEvent answer{};
+                answer.xselection.type = SelectionNotify;
+                answer.xselection.requestor = asked.requestor;
+                answer.xselection.selection = asked.selection;
+                answer.xselection.target = asked.target;
+                answer.xselection.property = asked.property;
+                answer.xselection.time = asked.time;
+                XSendEvent(display, asked.requestor, False, NoEventMask, &answer);
+            } else if (event.type == ClientMessage) {
+                // GLFW says how many bytes it took where the protocol has a flag.
+                const bool willing = event.xclient.data.l[1] != 0;
+                if (event.xclient.message_type == atom("XdndFinished") || !willing)
+                    taken = willing;
+                else if (event.xclient.message_type == atom("XdndStatus"))
+                    tell(source, "XdndDrop", 0, CurrentTime, 0, 0);
+            }
+        }
+        XFlush(display);
+    }
+    XDestroyWindow(display, source);
+    if (!taken) throw std::runtime_error("the window does not answer what is dropped");
+    return *taken;
 }
 
 Image Screen::grab(int x, int y, int width, int height) {

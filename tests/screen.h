@@ -1,6 +1,7 @@
 // A screen of its own for tests that open windows, and hands on its mouse and keyboard.
 #pragma once
 
+#include <functional>
 #include <string>
 
 #include "engine/io/image.h"
@@ -39,12 +40,17 @@ public:
     // Asks it to close, as its own button does.
     void closeWindow();
     void showWindow();
+    // Drops a text/uri-list there, as file managers do (XDND 5). meanwhile: called over and over,
+    // so that the window answers. Whether it said that it took them.
+    bool drop(const std::string& uriList, int x, int y, const std::function<void()>& meanwhile);
 
     // What is on the screen.
     Image grab(int x, int y, int width, int height);
 
 private:
     unsigned long window();
+    void tell(unsigned long source, const char* message, long second, long third, long fourth,
+              long fifth);
     void* display_ = nullptr;
     int process_ = -1;
 };

@@ -159,6 +159,20 @@ protected:
         screen_->release(1);
         settle();
     }
+    // As a file manager does: in an address every byte but letters and digits may be %XX.
+    void dropOnWindow(const std::vector<fs::path>& paths) {
+        std::string list;
+        for (const fs::path& path : paths) {
+            list += "file://";
+            for (const char c : fs::absolute(path).string())
+                list += isalnum(static_cast<unsigned char>(c)) || c == '/'
+                            ? std::string(1, c)
+                            : fmt::format("%{:02X}", static_cast<unsigned char>(c));
+            list += "\r\n";
+        }
+        EXPECT_TRUE(screen_->drop(list, 60, 60, [&] { viewer_->frame(); }));
+        settle();
+    }
     glm::dvec2 at(size_t joint) { return viewer_->jointOnScreen(joint); }
     // Metres that a distance on the screen is at the joint's depth.
     double metres(double pixels, size_t joint) {

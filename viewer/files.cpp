@@ -209,6 +209,19 @@ void Viewer::openPicture(const fs::path& path) {
     }
 }
 
+// Each may ask something; whatever is asked is answered before the next file is opened, for that
+// would put another question in its place, or change what it is about.
+void Viewer::openDropped() {
+    const std::vector<fs::path> now = window_.dropped();
+    if (question_ && !now.empty()) say("what was dropped is opened once the question is answered");
+    dropped_.insert(dropped_.end(), now.begin(), now.end());
+    while (!question_ && !dropped_.empty()) {
+        const fs::path path = std::move(dropped_.front());
+        dropped_.pop_front();
+        attempt([&] { openFile(path); });
+    }
+}
+
 void Viewer::askForFile(FileDialog::Asks asks, const std::string& title,
                         std::function<void(const fs::path&)> then) {
     fs::path start = fs::current_path() / "";

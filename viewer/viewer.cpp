@@ -217,7 +217,8 @@ bool Viewer::frame() {
     reloadIfChanged();
     if (training_.update()) framesToDraw_ = std::max(framesToDraw_, 1);
     followCompared();
-    if (const auto path = dialog_.chosen()) attempt([&] { dialogThen_(*path); });
+    if (!question_)
+        if (const auto path = dialog_.chosen()) attempt([&] { dialogThen_(*path); });
     advanceTimeline();
     noteCamera();
     if (working()) attempt([&] { advanceJobs(); });
@@ -229,7 +230,7 @@ bool Viewer::frame() {
 
     forgetItems();
     window_.beginFrame();
-    for (const fs::path& path : window_.dropped()) attempt([&] { openFile(path); });
+    openDropped();
     attempt([&] {
         handleKeys();
         layOut();

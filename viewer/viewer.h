@@ -255,6 +255,7 @@ private:
     // files.cpp
     Take readForPlaying(const std::filesystem::path& path, const std::string& frames);
     void openPicture(const std::filesystem::path& path);
+    void openDropped();
     void askToOverwrite(const std::filesystem::path& path);
     void pastePose(const std::filesystem::path& path);
     void ask(Question question);
@@ -629,6 +630,7 @@ private:
     std::optional<std::string> poseNamed_;  // its new name while it is typed
     std::filesystem::path motionFile_;      // that was opened last; empty: none, or it was closed
     std::string motionFrames_;              // of it
+    std::deque<std::filesystem::path> dropped_;  // that wait for the answer to a question
     FileDialog dialog_;
     std::function<void(const std::filesystem::path&)> dialogThen_;
     std::map<uint64_t, SavedFile> savedFiles_;  // by PoseEditor::opening(): undo may come back
