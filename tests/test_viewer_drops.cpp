@@ -2,6 +2,7 @@
 #include "engine/error.h"
 #include "tests/viewer_test.h"
 #include "trainer/avatar/export.h"
+#include "trainer/motion/upright.h"
 
 namespace doppel::test {
 namespace {
@@ -34,17 +35,34 @@ protected:
     }
 };
 
+// And says what it was taken to mean, which other programs may have meant otherwise.
 TEST_F(DropsTest, AMotionOfEachFormatPlays) {
-    Viewer& viewer = open();
+    ViewerOptions options;
+    options.width = 980, options.height = 740;
+    Viewer& viewer = open(options);
+    viewer.settings().panel = true;
+    settle();
+    clickItem("Files");
+    clickItem("messages");
+    struct Case {
+        const char *name, *says;
+    };
     size_t frames = 3;
-    for (const char* name : {"a walk.bvh", "50% done #2?.glb", "AMASS/walk+run_poses.npz",
-                             "B\u00fchne \u6b69\u304f.json"}) {
-        dropOnWindow({motionFile(name, ++frames)});
-        EXPECT_EQ(viewer.frameCount(), static_cast<int64_t>(frames)) << name << viewer.message();
-        EXPECT_EQ(viewer.timeline(), 0) << name;
+    for (const Case& c :
+         {Case{"a walk.bvh", "metres to the unit, y up"}, Case{"50% done #2?.glb", "y up"},
+          Case{"AMASS/walk+run_poses.npz", "AMASS, 20 a second, z up"},
+          Case{"B\u00fchne \u6b69\u304f.json", "y up"}}) {
+        const fs::path file = motionFile(c.name, ++frames);
+        dropOnWindow({file});
+        EXPECT_EQ(viewer.frameCount(), static_cast<int64_t>(frames)) << c.name << viewer.message();
+        EXPECT_EQ(viewer.timeline(), 0) << c.name;
+        const std::string taken = takenAs(readMotion(file));
+        EXPECT_TRUE(taken.ends_with(c.says)) << taken;
+        itemAt(file.filename().string() + ": " + taken);
     }
     dropOnWindow({poses("own poses.npz", 9)});
     EXPECT_EQ(viewer.frameCount(), 9);
+    itemAt("own poses.npz: y down, as before a camera");
     // It can be undone, as what is opened by name.
     keyWith("Control_L", "z");
     EXPECT_EQ(viewer.frameCount(), static_cast<int64_t>(frames));

@@ -13,6 +13,7 @@
 #include "trainer/avatar/training_poses.h"
 #include "trainer/data/frame_selection.h"
 #include "trainer/data/output_folder.h"
+#include "trainer/motion/upright.h"
 #include "viewer/pose/pose_text.h"
 #include "viewer/viewer.h"
 
@@ -79,6 +80,8 @@ Take Viewer::readForPlaying(const fs::path& path, const std::string& frames) {
     std::shared_ptr<const Motion> played;
     if (!take) {
         Motion read = readMotion(path), source = read;
+        if (const std::string taken = takenAs(read); !taken.empty())
+            say(path.filename().string() + ": " + taken);
         const std::vector<TrainedFrame> known = trainedFrames(source_.folder(), read);
         Retargeted retargeted =
             performed(avatar_->avatar, source_.folder(), std::move(read), options_.retarget);
