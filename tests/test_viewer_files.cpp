@@ -278,6 +278,16 @@ TEST_F(DialogTest, FilesAndFoldersAreChosen) {
     untilAnswered([&] { return fs::exists(*folder_ / "saved.npz"); });
     EXPECT_EQ(readNpz(*folder_ / "saved.npz").at("transl").shape.at(0), 7);
 
+    // The name of pictures and films.
+    clickItem("choose a name");
+    const std::string asks = words();
+    EXPECT_NE(asks.find("--save\n"), std::string::npos);
+    EXPECT_NE(asks.find("/doppel\n"), std::string::npos) << asks;
+    answer((*folder_ / "a picture's name.png").string());
+    untilAnswered([&] { return viewer.message().find("is named") != std::string::npos; });
+    clickItem("picture");
+    EXPECT_TRUE(fs::exists(*folder_ / "a picture's name.png")) << viewer.message();
+
     // A window that is closed takes its dialog along.
     clickItem("choose a file");
     words();

@@ -159,6 +159,17 @@ protected:
         screen_->release(1);
         settle();
     }
+    // Letters, digits and what paths have, into the field that is typed into.
+    void type(std::string_view text) {
+        for (const char c : text) {
+            screen_->key(c == '/'   ? "slash"
+                         : c == '.' ? "period"
+                         : c == '-' ? "minus"
+                                    : std::string(1, c));
+            turn(2);
+        }
+        settle();
+    }
     // As a file manager does: in an address every byte but letters and digits may be %XX.
     void dropOnWindow(const std::vector<fs::path>& paths) {
         std::string list;

@@ -8,6 +8,7 @@
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
 #include "engine/files/ending.h"
+#include "engine/io/films/kinds.h"
 #include "engine/io/video.h"
 #include "trainer/avatar/rendering.h"
 #include "trainer/avatar/training_poses.h"
@@ -226,11 +227,9 @@ void Viewer::openDropped() {
 }
 
 void Viewer::askForFile(FileDialog::Asks asks, const std::string& title,
-                        std::function<void(const fs::path&)> then) {
-    fs::path start = fs::current_path() / "";
-    if (asks == FileDialog::Asks::NewFile)
-        start = freeName("poses", ".npz");
-    else if (!preferences_.recent.empty())
+                        std::function<void(const fs::path&)> then, const fs::path& proposed) {
+    fs::path start = fs::current_path() / proposed;
+    if (asks != FileDialog::Asks::NewFile && !preferences_.recent.empty())
         start = fs::path(preferences_.recent[0]).parent_path() / "";
     dialogThen_ = std::move(then);
     dialog_.open(asks, title, fs::absolute(start));
@@ -244,8 +243,9 @@ void Viewer::chooseFile(FileDialog::Asks asks) {
 }
 
 void Viewer::chooseNewFile() {
-    askForFile(FileDialog::Asks::NewFile, "Save the poses as .npz",
-               [this](const fs::path& path) { saveAs(path); });
+    askForFile(
+        FileDialog::Asks::NewFile, "Save the poses as .npz",
+        [this](const fs::path& path) { saveAs(path); }, nameToWrite("poses", ".npz"));
 }
 
 void Viewer::opened(const fs::path& file) {
@@ -269,14 +269,52 @@ void Viewer::setLook(Theme theme, double scale) {
 
 // ---- saving -------------------------------------------------------------------------------------
 
+// What is under way takes its name when it is done.
+bool Viewer::isFree(const fs::path& path) const {
+    const bool promised = (film_ && film_->out() == path) || (mixSave_ && mixSave_->out == path) ||
+                          (export_ && export_->out == path);
+    return !promised && !isTaken(path);
+}
+
 fs::path Viewer::freeName(const std::string& stem, const std::string& extension) const {
     for (int i = 1;; ++i) {
         fs::path path = fmt::format("{}-{}{}", stem, i, extension);
-        // What is under way takes its name when it is done.
-        const bool promised =
-            (film_ && film_->out() == path) || (mixSave_ && mixSave_->out == path);
-        if (!promised && !isTaken(path)) return path;
+        if (isFree(path)) return path;
     }
+}
+
+fs::path Viewer::nameToWrite(const std::string& unnamed, const std::string& extension) const {
+    fs::path named = outText_.data();
+    std::error_code ignored;
+    const fs::path folder = fs::is_directory(named, ignored) ? named : named.parent_path();
+    if (!folder.empty() && !fs::is_directory(folder, ignored))
+        throwInput("{}: expected a folder that is there, found none; make it, or choose another",
+                   folder.string());
+    if (folder == named || !named.has_filename())
+        return freeName((folder / unnamed).string(), extension);
+    // Whoever named one kind of file writes others, too.
+    const std::string ending = endingOf(named);
+    if (videoKindOf(named) || ending == ".png" || ending == ".glb" || ending == ".npz")
+        named.replace_extension();
+    if (extension.empty()) named += "-frames";
+    fs::path plain = named;
+    plain += extension;
+    return isFree(plain) ? plain : freeName(named.string(), extension);
+}
+
+void Viewer::chooseNameToWrite() {
+    askForFile(
+        FileDialog::Asks::NewFile, "Name films, pictures, glTF and poses",
+        [this](const fs::path& path) {
+            const std::string text = path.string();
+            if (text.size() >= outText_.size())
+                throwInput("{}: expected a name of fewer than {} bytes, found {}", text,
+                           outText_.size(), text.size());
+            outText_.fill(0);
+            std::ranges::copy(text, outText_.begin());
+            say("what is written is named " + text);
+        },
+        "doppel");
 }
 
 void Viewer::savePoses(const fs::path& path) {
@@ -297,7 +335,7 @@ Viewer::SavedFile Viewer::savedFile() const {
 void Viewer::save() {
     const SavedFile file = savedFile();
     if (file.path.empty())
-        savePoses(freeName("poses", ".npz"));
+        savePoses(nameToWrite("poses", ".npz"));
     else if (isThere(file.path) && timeOf(file.path) != file.time)
         askToOverwrite(file.path);
     else

@@ -477,13 +477,23 @@ void Viewer::drawFilesTab() {
     }
 
     ImGui::Separator();
-    words(
-        "Written into the folder that the viewer was started in; nothing that is there is "
-        "overwritten.");
+    words("Written into the folder that the viewer was started in, or as you name it here:");
+    const ImGuiStyle& style = ImGui::GetStyle();
+    ImGui::PushItemWidth(
+        -(ImGui::CalcTextSize("choose a name").x + 2 * style.FramePadding.x + style.ItemSpacing.x));
+    ImGui::InputTextWithHint("##name", "doppel", outText_.data(), outText_.size());
+    noteItem("name");
+    tip("Of films, pictures, glTF and poses, without an ending; a path or a folder, too. Where a "
+        "name is taken it gets a number.");
+    ImGui::PopItemWidth();
+    ImGui::SameLine();
+    if (button("choose a name", "A name and a folder, in the desktop's dialog." + std::string(none),
+               asks))
+        attempt([&] { chooseNameToWrite(); });
     drawFilmControls(!film_);
     const bool free = !export_;
     if (button("glTF, .glb", "Avatar and motion for other programs.", free))
-        attempt([&] { startExport(freeName("doppel", ".glb")); });
+        attempt([&] { startExport(nameToWrite("doppel", ".glb")); });
     beside("poses, .npz");
     if (button("poses, .npz", keys_.tip("The motion with what was edited", Action::Save)))
         attempt([&] { save(); });

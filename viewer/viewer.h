@@ -267,9 +267,11 @@ private:
     void saveAs(const std::filesystem::path& path);
     // By the desktop's dialog, which goes on beside the window.
     void askForFile(FileDialog::Asks asks, const std::string& title,
-                    std::function<void(const std::filesystem::path&)> then);
+                    std::function<void(const std::filesystem::path&)> then,
+                    const std::filesystem::path& proposed = "");
     void chooseFile(FileDialog::Asks asks);
     void chooseNewFile();
+    void chooseNameToWrite();
     SavedFile savedFile() const;
     // Whether what is not saved is kept, or there is nothing.
     bool keepSession(bool now);
@@ -277,7 +279,12 @@ private:
     void offerRecovery();
     // Whether all of it is here again, and kept.
     bool recover(const std::string& text, const std::string& name);
+    bool isFree(const std::filesystem::path& path) const;
     std::filesystem::path freeName(const std::string& stem, const std::string& extension) const;
+    // As the panel names what is written, with a number where that is taken; `unnamed` where it
+    // names only a folder, or nothing. Without an extension it is a folder's name.
+    std::filesystem::path nameToWrite(const std::string& unnamed,
+                                      const std::string& extension) const;
 
     void opened(const std::filesystem::path& file);
     void setLook(Theme theme, double scale);
@@ -617,7 +624,7 @@ private:
     int filmKind_ = 0;                  // of videoKinds(), and behind them a folder of pictures
     std::unique_ptr<ExportJob> export_;
     std::unique_ptr<ExportJob> mixSave_;
-    std::array<char, 512> pathText_{};
+    std::array<char, 512> pathText_{}, outText_{};  // what is opened; what is written
 
     std::deque<Message> messages_;  // the latest at the back
     size_t messagesDrawn_ = 0;

@@ -43,13 +43,13 @@ constexpr float kPreviewSide = 170;  // window units
 void Viewer::startFilmAsSet() {
     FilmSettings asked = filmSettings_;
     asked.clear = asked.clear && keepsAlpha(filmKind_);
-    startFilm(isPictures(filmKind_) ? freeName("doppel-frames", "")
-                                    : freeName("doppel", videoKinds()[size_t(filmKind_)].ending),
+    startFilm(isPictures(filmKind_) ? nameToWrite("doppel-frames", "")
+                                    : nameToWrite("doppel", videoKinds()[size_t(filmKind_)].ending),
               asked);
 }
 
 void Viewer::savePicture() {
-    const fs::path out = freeName("doppel", ".png");
+    const fs::path out = nameToWrite("doppel", ".png");
     if (pictureSettings_ == PictureSettings{})
         saveScreenshot(out);
     else

@@ -1,0 +1,135 @@
+// What the window writes, as its panel says: names, and what films and pictures are like.
+#include "engine/io/video.h"
+#include "tests/viewer_test.h"
+
+namespace doppel::test {
+namespace {
+
+class OutputsTest : public ViewerTest {
+protected:
+    // Files without a folder of their own go there.
+    void SetUp() override {
+        ViewerTest::SetUp();
+        here_ = fs::current_path();
+        fs::create_directories(*folder_ / "work");
+        fs::current_path(*folder_ / "work");
+    }
+    void TearDown() override {
+        viewer_.reset();
+        fs::current_path(here_);
+        fs::remove_all(*folder_ / "work");
+        ViewerTest::TearDown();
+    }
+    // With the panel's files, in a window that has room for all of them.
+    Viewer& openFiles(size_t frames = 0) {
+        ViewerOptions options;
+        options.width = 900, options.height = 750;
+        if (frames > 0) {
+            const Motion motion = turningMotion(frames);
+            options.motion = *folder_ / "motion.npz";
+            writeNpz(options.motion, posesArrays(motion.theta, motion.trans, {}), false);
+        }
+        Viewer& viewer = open(options);
+        viewer.settings().panel = true;
+        settle();
+        clickItem("Files");
+        return viewer;
+    }
+    void work() {
+        await("the window to have written it", [&] {
+            viewer_->frame();
+            return !viewer_->working();
+        });
+        settle();
+    }
+    // Dear ImGui looks at what is held.
+    void hold(const std::string& key) {
+        screen_->keyDown(key);
+        turn(2);
+        screen_->keyUp(key);
+        turn(2);
+    }
+    void name(const std::string& text) {
+        clickItem("name");
+        screen_->keyDown("Control_L");
+        hold("a");
+        screen_->keyUp("Control_L");
+        hold("BackSpace");
+        type(text);
+    }
+    fs::path here_;
+};
+
+// Whatever is there already stays.
+TEST_F(OutputsTest, AreCalledAsThePanelNamesThem) {
+    Viewer& viewer = openFiles(3);
+    fs::create_directories("shots/empty");
+    clickItem("film size");
+    clickItem("480");
+    clickItem("more of films and pictures");
+    clickItem("samples");
+    clickItem("1");
+    struct Case {
+        const char *named, *button, *out;
+    };
+    std::string named;
+    for (const Case& c : {Case{"", "picture", "doppel-1.png"},
+                          {"", "film", "doppel-1.mp4"},
+                          {"", "glTF, .glb", "doppel-1.glb"},
+                          {"", "poses, .npz", "poses-1.npz"},
+                          {"anna", "picture", "anna.png"},
+                          {"anna", "picture", "anna-1.png"},
+                          {"anna", "film", "anna.mp4"},
+                          {"anna", "film", "anna-1.mp4"},
+                          {"anna", "poses, .npz", "poses-1.npz"},  // of one motion one file
+                          {"shots/dance.mp4", "film", "shots/dance.mp4"},
+                          {"shots/dance.mp4", "glTF, .glb", "shots/dance.glb"},
+                          {"shots/empty", "picture", "shots/empty/doppel-1.png"}}) {
+        if (named != c.named) name(named = c.named);
+        const bool again = fs::exists(c.out);
+        EXPECT_EQ(again, std::string_view(c.button) == "poses, .npz" && !named.empty()) << c.out;
+        clickItem(c.button);
+        work();
+        EXPECT_TRUE(fs::exists(c.out)) << c.out << ": " << viewer.message();
+    }
+    viewer.loadMotion(*folder_ / "motion.npz");
+    settle();
+    name("next");
+    clickItem("poses, .npz");
+    EXPECT_TRUE(fs::exists("next.npz")) << viewer.message();
+    clickItem("film as");
+    clickItem("pictures, PNG");
+    clickItem("film");
+    work();
+    EXPECT_TRUE(fs::exists("next-frames/0002.png")) << viewer.message();
+    clickItem("film as");
+    clickItem(".mp4, H.264");
+
+    // The keys name them likewise.
+    name("keyed");
+    const glm::dvec2 free = itemAt("Files") + glm::dvec2(40, 0);
+    screen_->move(free.x, free.y);
+    screen_->click(1);
+    settle();
+    screen_->key("F12");
+    settle();
+    EXPECT_TRUE(fs::exists("keyed.png")) << viewer.message();
+    keyWith("Control_L", "F12");
+    work();
+    EXPECT_EQ(VideoReader("keyed.mp4").frameCount(), 3) << viewer.message();
+
+    name("nowhere/anna");
+    for (const char* button : {"picture", "film", "glTF, .glb"}) {
+        clickItem(button);
+        EXPECT_NE(viewer.message().find("nowhere: expected a folder that is there"),
+                  std::string::npos)
+            << viewer.message();
+    }
+    EXPECT_FALSE(viewer.working());
+    EXPECT_FALSE(fs::exists("nowhere"));
+    if (const char* folder = getenv("DOPPEL_KEEP_SCREENS"))
+        writeImage(fs::path(folder) / "files.png", screen_->grab(0, 0, 900, 750));
+}
+
+}  // namespace
+}  // namespace doppel::test
