@@ -42,13 +42,6 @@ protected:
         });
         settle();
     }
-    // Dear ImGui looks at what is held.
-    void hold(const std::string& key) {
-        screen_->keyDown(key);
-        turn(2);
-        screen_->keyUp(key);
-        turn(2);
-    }
     void name(const std::string& text) {
         clickItem("name");
         screen_->keyDown("Control_L");
@@ -129,6 +122,80 @@ TEST_F(OutputsTest, AreCalledAsThePanelNamesThem) {
     EXPECT_FALSE(fs::exists("nowhere"));
     if (const char* folder = getenv("DOPPEL_KEEP_SCREENS"))
         writeImage(fs::path(folder) / "files.png", screen_->grab(0, 0, 900, 750));
+}
+
+// Whose alpha is neither all nor nothing.
+size_t halfCovered(const Image& picture) {
+    size_t count = 0;
+    for (size_t i = 3; i < picture.data.size(); i += 4)
+        count += picture.data[i] > 0 && picture.data[i] < 255;
+    return count;
+}
+
+TEST_F(OutputsTest, FilmsAreAsThePanelsControlsSay) {
+    openFiles(6);
+    clickItem("film as");
+    clickItem("pictures, PNG");
+    clickItem("film size");
+    clickItem("480");
+    typeInto("first frame", "1");
+    typeInto("last frame", "4");
+    clickItem("nothing behind");
+    clickItem("more of films and pictures");
+    const auto film = [&](const fs::path& out) {
+        clickItem("film");
+        work();
+        EXPECT_TRUE(fs::exists(out / "0003.png")) << viewer_->message();
+        EXPECT_FALSE(fs::exists(out / "0004.png")) << "four frames, from 1 to 4";
+        return readImage(out / "0003.png", 4);
+    };
+    clickItem("samples");
+    clickItem("1");
+    const Image rough = film("doppel-frames-1");
+    EXPECT_EQ(std::max(rough.width, rough.height), 480);
+    EXPECT_EQ(rough.pixel(0, 0)[3], 0) << "nothing is behind";
+    EXPECT_EQ(halfCovered(rough), 0u);
+    clickItem("samples");
+    clickItem("16");
+    const Image fine = film("doppel-frames-2");
+    EXPECT_GT(halfCovered(fine), 300u) << "edges are smooth";
+    clickItem("nothing behind");
+    clickItem("turntable");
+    const Image round = film("doppel-frames-3");
+    EXPECT_EQ(round.pixel(0, 0)[3], 255);
+    clickItem("turntable");
+    const Image still = film("doppel-frames-4");
+    EXPECT_GT(difference(round, still), .02) << "three quarters round";
+    const auto firstOf = [](const fs::path& out) { return readImage(out / "0000.png"); };
+    EXPECT_LT(difference(firstOf("doppel-frames-3"), firstOf("doppel-frames-4")), .001);
+}
+
+TEST_F(OutputsTest, APoseIsFilmedFromAllSidesInSoManySeconds) {
+    openFiles();
+    clickItem("film size");
+    clickItem("480");
+    clickItem("more of films and pictures");
+    clickItem("samples");
+    clickItem("1");
+    clickItem("turntable");
+    typeInto("seconds", "1");
+    clickItem("film");
+    work();
+    VideoReader reader("doppel-1.mp4");
+    EXPECT_EQ(reader.frameCount(), 30);
+    Image front, aside;
+    for (int i = 0; i <= 8; ++i) reader.next(i == 0 ? front : aside);
+    EXPECT_GT(difference(front, aside), .02);
+
+    clickItem("picture size");
+    clickItem("720");
+    clickItem("transparent");
+    clickItem("picture");
+    work();
+    const Image picture = readImage("doppel-1.png", 4);
+    EXPECT_EQ(std::max(picture.width, picture.height), 720);
+    EXPECT_EQ(picture.pixel(0, 0)[3], 0);
+    EXPECT_GT(halfCovered(picture), 300u);
 }
 
 }  // namespace

@@ -170,6 +170,23 @@ protected:
         }
         settle();
     }
+    // Dear ImGui looks at what is held.
+    void hold(const std::string& key) {
+        screen_->keyDown(key);
+        turn(2);
+        screen_->keyUp(key);
+        turn(2);
+    }
+    // Types into a slider, which Ctrl + click makes a field.
+    void typeInto(const std::string& slider, std::string_view text) {
+        screen_->keyDown("Control_L");
+        clickItem(slider);
+        screen_->keyUp("Control_L");
+        turn();
+        type(text);
+        hold("Return");
+        settle();
+    }
     // As a file manager does: in an address every byte but letters and digits may be %XX.
     void dropOnWindow(const std::vector<fs::path>& paths) {
         std::string list;
