@@ -132,6 +132,15 @@ Image Screen::icon() {
     return largest;
 }
 
+void Screen::setDpi(int dpi) {
+    const std::string resources = "Xft.dpi:\t" + std::to_string(dpi) + "\n";
+    XChangeProperty(asDisplay(display_), DefaultRootWindow(asDisplay(display_)),
+                    XA_RESOURCE_MANAGER, XA_STRING, 8, PropModeReplace,
+                    reinterpret_cast<const unsigned char*>(resources.data()),
+                    static_cast<int>(resources.size()));
+    XSync(asDisplay(display_), False);
+}
+
 void Screen::resizeWindow(int width, int height) {
     XResizeWindow(asDisplay(display_), window(), static_cast<unsigned>(width),
                   static_cast<unsigned>(height));

@@ -35,6 +35,8 @@ public:
     std::string title();
     // The largest of its icons, R, G, B, A; empty: it has none.
     Image icon();
+    // As the desktop says it to windows that are opened from now on; 96 is a plain monitor.
+    void setDpi(int dpi);
     void resizeWindow(int width, int height);
     void hideWindow();
     // Asks it to close, as its own button does.

@@ -172,6 +172,54 @@ TEST_F(LookTest, AllOfItGrowsWithTheScale) {
     EXPECT_NEAR(rows[1] / rows[0], 2, .15);
 }
 
+// Of a monitor with small pixels: the window has more of them, and so has everything in it.
+TEST_F(LookTest, TheMonitorsOwnScaleMakesAllOfItLarger) {
+    double row = 0;
+    for (const int dpi : {96, 144, 192}) {
+        screen_->setDpi(dpi);
+        const double scale = dpi / 96.;
+        Viewer& viewer = openAt(900, 700, 1);
+        viewer.settings().ringAxes = RingAxes::Views;
+        EXPECT_EQ(viewer.window().width(), std::lround(900 * scale)) << dpi;
+        EXPECT_EQ(viewer.window().height(), std::lround(700 * scale)) << dpi;
+        EXPECT_EQ(viewer.panelWidth(), std::lround(Viewer::kPanelWidth * scale)) << dpi;
+        EXPECT_EQ(viewer.timelineHeight(), std::lround(Viewer::kTimelineHeight * scale)) << dpi;
+        const auto box = std::ranges::find(drawnItems(), "wireframe", &DrawnItem::label);
+        ASSERT_NE(box, drawnItems().end());
+        const double height = double(box->high.y - box->low.y);
+        if (dpi == 96) row = height;
+        EXPECT_NEAR(height / row, scale, .1) << dpi;
+        expectNothingCut(fmt::format("{} dpi", dpi));
+
+        // A joint is met by a mouse that is 12 units away, and not from 17.
+        const Pose before = viewer.editor().pose();
+        const OrbitCamera camera = viewer.camera();
+        const glm::dvec2 hand = at(joint::kLeftHand);
+        for (const double away : {17., 12.}) {
+            drag(hand + glm::dvec2(away * scale, 0), hand + glm::dvec2(away * scale, -30), 1, 2);
+            EXPECT_EQ(viewer.editor().pose() != before, away < 14) << dpi;
+            viewer.camera() = camera;
+            settle();
+        }
+        // The ring about the view's depth is 74 units wide.
+        const size_t joint = viewer.selected().value_or(joint::kPelvis);
+        const glm::dvec2 on =
+            at(joint) + kRingRadius * scale * glm::dvec2(std::cos(.6), std::sin(.6));
+        screen_->move(on.x, on.y);
+        turn();
+        screen_->press(1);
+        turn();
+        screen_->move(on.x - 9, on.y + 12);
+        turn();
+        EXPECT_NE(viewer.turnedText(), "") << dpi;
+        keep(fmt::format("dpi-{}", dpi), viewer.window().width(), viewer.window().height());
+        screen_->release(1);
+        settle();
+        viewer_.reset();
+    }
+    screen_->setDpi(96);
+}
+
 TEST_F(LookTest, KeysMakeLettersLargerAndTheyAreRemembered) {
     ViewerOptions options;
     options.avatar = *folder_ / "avatar";

@@ -91,10 +91,11 @@ void Viewer::drawTimeline() {
     if (from + whereWidth <= end) {
         ImGui::SetCursorPosX(end - whereWidth);
         ImGui::TextUnformatted(where.c_str());
-        noteItem("clock");
+        noteItem(where);
     } else {
-        ImGui::TextUnformatted(fmt::format("{:.0f} / {}", now, last).c_str());
-        noteItem("clock");
+        const std::string frames = fmt::format("{:.0f} / {}", now, last);
+        ImGui::TextUnformatted(frames.c_str());
+        noteItem(frames);
     }
 
     int frame = static_cast<int>(now);

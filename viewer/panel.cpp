@@ -460,7 +460,10 @@ void Viewer::drawFilesTab() {
             });
     }
     const bool before = !preferences_.recent.empty() && ImGui::CollapsingHeader("opened before");
-    if (!preferences_.recent.empty()) tip("The files that were opened last.");
+    if (!preferences_.recent.empty()) {
+        noteItem("opened before");
+        tip("The files that were opened last.");
+    }
     if (before) {
         std::string chosen;
         for (size_t i = 0; i < preferences_.recent.size(); ++i) {
