@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "trainer/motion/motion.h"
-#include "viewer/pose/skeleton.h"
+#include "viewer/pose/pose_editor.h"
 
 namespace doppel::test {
 
@@ -28,6 +28,10 @@ inline std::shared_ptr<const Motion> walk(size_t frames) {
         motion.trans.push_back(transOf(pose));
     }
     return std::make_shared<const Motion>(std::move(motion));
+}
+
+inline void removeKeys(PoseEditor& editor) {
+    while (!editor.keyframes().empty()) editor.removeKeyframe(editor.keyframes()[0].time);
 }
 
 // The angle between a joint's rotations, radians.

@@ -16,6 +16,7 @@ namespace {
 
 using test::bent;
 using test::messageOf;
+using test::removeKeys;
 using test::turnOf;
 using test::walk;
 
@@ -24,7 +25,6 @@ TEST(PoseEditor, UndoesGesturesAsAWhole) {
     EXPECT_FALSE(editor.canUndo());
     editor.beginGesture("move left_wrist");
     for (int i = 1; i <= 100; ++i) editor.setPose(bent(.01 * i));
-    EXPECT_EQ(editor.gestureBegan(), bent(0));
     EXPECT_EQ(editor.steps(), 0u);
     editor.endGesture();
     EXPECT_EQ(editor.steps(), 1u);
@@ -71,7 +71,6 @@ TEST(PoseEditor, KeepsNoStepWhereNothingChanged) {
     editor.setPose(bent(0));
     editor.resetPose();
     editor.mirror();
-    editor.clearKeyframes();
     EXPECT_FALSE(editor.removeKeyframe(3));
     EXPECT_EQ(editor.steps(), 0u);
     EXPECT_EQ(editor.pose(), bent(0));
@@ -247,7 +246,7 @@ TEST(PoseEditor, KeepsKeysInOrder) {
     EXPECT_EQ(messageOf<InputError>(
                   [&] { editor.setKeyframe(std::numeric_limits<double>::quiet_NaN()); }),
               "keyframe: expected a time from -10000000 to 10000000 frames, found nan");
-    editor.clearKeyframes();
+    removeKeys(editor);
     EXPECT_TRUE(editor.keyframes().empty());
     EXPECT_EQ(editor.poseAt(4), editor.pose());
 }
@@ -438,7 +437,7 @@ TEST(PoseEditor, KeysThatAreRemovedAfterSavingAreMissed) {
     EXPECT_TRUE(editor.modified()) << "the file has it still";
     editor.undo();
     EXPECT_FALSE(editor.modified());
-    editor.clearKeyframes();
+    removeKeys(editor);
     EXPECT_TRUE(editor.modified());
     editor.openMotion(walk(10));
     EXPECT_FALSE(editor.modified()) << "another motion has keys of its own";

@@ -24,6 +24,7 @@ using test::bent;
 using test::bytesOf;
 using test::Folder;
 using test::messageOf;
+using test::removeKeys;
 using test::turnOf;
 using test::walk;
 
@@ -102,7 +103,7 @@ TEST(Take, ALayerIsSavedAsItIsSeenAndReadBackAsKeys) {
         EXPECT_LT(turnOf(poseAt(*take, t), editor.poseAt(t), joint::kHead), 1e-6) << t;
 
     // Without keys it is a motion like any other; one pose is one, too.
-    editor.clearKeyframes();
+    removeKeys(editor);
     writeTake(folder / "motion.npz", editor.take(), 24);
     EXPECT_FALSE(readTake(folder / "motion.npz"));
     EXPECT_EQ(readMotion(folder / "motion.npz").theta, motion->theta);

@@ -184,6 +184,23 @@ TEST_F(ControlsTest, TheBodyThrowsAContactShadow) {
         writeImage(fs::path(folder) / "contact-shadow.png", with);
 }
 
+TEST_F(ControlsTest, TheTipsOfUndoAndRedoNameTheStep) {
+    Viewer& viewer = openTab("Pose");
+    const glm::dvec2 wrist = at(joint::kLeftWrist);
+    drag(wrist, wrist - glm::dvec2(0, 40));
+    const auto expectTip = [&](const std::string& button, const std::string& words) {
+        const glm::dvec2 place = itemAt(button);
+        screen_->move(place.x, place.y);
+        await(words, [&] {
+            viewer.frame();
+            return shows(words) && !tipPending();
+        });
+    };
+    expectTip("undo", "Takes the last edit back: move left wrist (Ctrl + Z).");
+    clickItem("undo");
+    expectTip("redo", "Makes it again: move left wrist (Ctrl + Shift + Z).");
+}
+
 // Whoever turns a joint in the panel looks for it on the body.
 TEST_F(ControlsTest, JointsStayVisibleWhileThePanelIsUsed) {
     Viewer& viewer = openTab("Pose");

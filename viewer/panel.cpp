@@ -16,8 +16,8 @@ namespace {
 
 constexpr double kDegrees = 180 / std::numbers::pi;
 
-std::string shown(const char* snakeCase) {
-    std::string name = snakeCase;
+std::string shown(std::string_view snakeCase) {
+    std::string name(snakeCase);
     std::ranges::replace(name, '_', ' ');
     return name;
 }
@@ -261,10 +261,17 @@ void Viewer::drawViewTab() {
 
 void Viewer::drawPoseTab() {
     PoseEditor& editor = *editor_;
-    if (button("undo", keys_.tip("Takes the last edit back", Action::Undo), editor.canUndo()))
+    const auto named = [](const char* does, std::string_view step) {
+        return step.empty() ? std::string(does) : fmt::format("{}: {}", does, shown(step));
+    };
+    if (button("undo",
+               keys_.tip(named("Takes the last edit back", editor.undoName()), Action::Undo),
+               editor.canUndo()))
         undo();
     beside("redo");
-    if (button("redo", keys_.tip("Makes it again", Action::Redo), editor.canRedo())) redo();
+    if (button("redo", keys_.tip(named("Makes it again", editor.redoName()), Action::Redo),
+               editor.canRedo()))
+        redo();
     beside("mirror");
     if (button("mirror", keys_.tip("Exchanges left and right", Action::Mirror))) editor.mirror();
     beside("reset all");

@@ -297,8 +297,6 @@ bool PoseEditor::removeKeyframe(double time) {
     return true;
 }
 
-void PoseEditor::clearKeyframes() { changeKeyframes("remove keyframes", {}); }
-
 void PoseEditor::changeLayer(std::string_view name, const Layer& layer) {
     State next = now_;
     next.layer = layer;

@@ -18,9 +18,9 @@ namespace doppel {
 // between beginGesture() and endGesture() are one step, and none where they left everything as it
 // was.
 //
+//     const Pose began = editor.pose();
 //     editor.beginGesture("move left_wrist");
-//     for (each mouse move) editor.setPose(solveIk(skeleton, editor.pose(), target,
-//                                                  {.began = &editor.gestureBegan()}));
+//     for (each mouse move) editor.setPose(solveIk(skeleton, began, targets));
 //     editor.endGesture();
 //
 // Where there is a motion or a key, poses belong to a time: what is edited becomes a key of the
@@ -77,8 +77,6 @@ public:
     void endGesture();
     void cancelGesture();  // everything as it was when it began
     bool inGesture() const { return inGesture_; }
-    // The pose in which the gesture began; outside of gestures, the current one.
-    const Pose& gestureBegan() const { return inGesture_ ? began_.pose : now_.pose; }
 
     bool canUndo() const { return inGesture_ ? began_ != now_ : !past_.empty(); }
     bool canRedo() const { return !inGesture_ && !future_.empty(); }
@@ -116,7 +114,6 @@ public:
     // InputError where the time is not a number that a timeline has.
     void setKeyframe(double time);
     bool removeKeyframe(double time);  // whether there was one
-    void clearKeyframes();
     // How long a key's change over a motion takes to come and go, frames; clamped to what Take
     // allows.
     void setFade(double frames);

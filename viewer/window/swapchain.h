@@ -41,7 +41,6 @@ public:
     const Canvas& presented() const { return canvas_; }
 
     bool blueFirst() const { return format_.format == VK_FORMAT_B8G8R8A8_UNORM; }
-    const std::string& deviceName() const { return deviceName_; }
     // How often it was made anew.
     int count() const { return count_; }
     // The next frame makes it anew, for the window's size has changed.

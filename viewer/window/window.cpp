@@ -302,7 +302,6 @@ void Window::setClipboard(const std::string& text) {
     glfwSetClipboardString(parts_->window, text.c_str());
 }
 std::vector<std::filesystem::path> Window::dropped() { return std::exchange(parts_->dropped, {}); }
-const std::string& Window::deviceName() const { return parts_->swapchain->deviceName(); }
 int Window::swapchainCount() const { return parts_->swapchain->count(); }
 const Canvas& Window::drawn() const { return parts_->swapchain->presented(); }
 void Window::loseSwapchain() { parts_->swapchain->lose(); }

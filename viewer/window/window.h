@@ -91,8 +91,6 @@ public:
     void setClipboard(const std::string& text);
     // Files dropped on the window since the last begin().
     std::vector<std::filesystem::path> dropped();
-    // The name of the device that presents.
-    const std::string& deviceName() const;
     // How often the swapchain was made anew.
     int swapchainCount() const;
     // The whole window as end() drew it last, which the screen shows a moment later.
