@@ -1,4 +1,5 @@
-// Random mouse and keys, by a seed: the window lives, answers, and its undo stack stays whole.
+// Random mouse, keys, drops and films, by a seed: the window lives, answers, and its undo stack
+// stays whole.
 #include <cstdio>
 #include <random>
 #include <set>
@@ -27,6 +28,23 @@ protected:
         fs::current_path(here_);
         ViewerTest::TearDown();
     }
+    std::vector<fs::path> filesToDrop() {
+        const Motion motion = turningMotion(12);
+        writeNpz(*folder_ / "other.npz", posesArrays(motion.theta, motion.trans, motion.betas),
+                 false);
+        writeColouredCapture(*folder_ / "capture", turningMotion(8));
+        Image image(40, 30, 3);
+        writeImage(*folder_ / "black.png", image);
+        std::ofstream(*folder_ / "pose.json")
+            << R"({"doppel_pose": 1, "joints": {"left_wrist": [0.5, 0, -1]}})";
+        std::ofstream(*folder_ / "nothing.txt") << "nothing";
+        writeAvatar(*folder_ / "same shape", plainAvatar());
+        std::vector<fs::path> files;
+        for (const char* name : {"motion.npz", "other.npz", "capture", "black.png", "pose.json",
+                                 "nothing.txt", "same shape", "nowhere"})
+            files.push_back(*folder_ / name);
+        return files;
+    }
     fs::path here_;
 };
 
@@ -48,16 +66,30 @@ TEST_F(MonkeyTest, RandomEventsLeaveTheWindowAliveAndItsUndoWhole) {
     settle();
     const Take beginning = viewer.editor().take();
 
-    // No key here writes films or closes the window; F12 and Ctrl+S write small files.
+    // Files to drop, of the same shape as there is: undo does not bring another person's back.
+    const std::vector<fs::path> files = filesToDrop();
+    // Ctrl+F12 films, F12 and Ctrl+S write small files.
     const std::vector<std::string> keys = {
-        "f",     "Home", "1", "3",      "7",      "5",   "0",         "space", "Left",
-        "Right", "m",    "r", "p",      "k",      "w",   "l",         "j",     "b",
-        "n",     "Tab",  "h", "Escape", "Return", "F12", "KP_Decimal"};
-    const std::vector<std::string> controlled = {"z", "y",     "c",     "v", "s",
-                                                 "q", "equal", "minus", "0"};
+        "f", "Home",   "1",      "3",   "7",          "5", "0", "space", "Left", "Right",
+        "m", "r",      "p",      "k",   "w",          "l", "j", "b",     "n",    "Tab",
+        "h", "Escape", "Return", "F12", "KP_Decimal", "t", "g", "i"};
+    const std::vector<std::string> controlled = {"z",     "y",     "c", "v",   "s",  "q",
+                                                 "equal", "minus", "0", "F12", "F12"};
     std::set<int> held;
     uint64_t asked = 0;  // the editor's version when the window asked last
-    for (int i = 0; i < events; ++i) {
+    int event = 0, drops = 0, films = 0;
+    const auto oneTurn = [&] {
+        const bool worked = viewer.working();
+        // Somebody may have answered that the work, as it was then, is to be lost.
+        if (!viewer.question().empty()) asked = viewer.editor().version();
+        const bool lives = viewer.frame();
+        films += !worked && viewer.working();
+        if (lives) return;
+        ASSERT_TRUE(asked == viewer.editor().version() || !viewer.editor().modified())
+            << "seed " << seed << ", event " << event << ": the window closed over unsaved work";
+        viewer.window().keepOpen();
+    };
+    for (; event < events && !HasFatalFailure(); ++event) {
         const int kind = below(100);
         if (kind < 45) {
             // Half of the moves go to joints, so that something happens.
@@ -91,29 +123,34 @@ TEST_F(MonkeyTest, RandomEventsLeaveTheWindowAliveAndItsUndoWhole) {
             if (shift) screen_->keyDown("Shift_L");
             screen_->key(keys[static_cast<size_t>(below(static_cast<int>(keys.size())))]);
             if (shift) screen_->keyUp("Shift_L");
-        } else if (kind < 97) {
+        } else if (kind < 95) {
             screen_->keyDown("Control_L");
             screen_->key(
                 controlled[static_cast<size_t>(below(static_cast<int>(controlled.size())))]);
             screen_->keyUp("Control_L");
-        } else if (kind < 98) {
+        } else if (kind < 96) {
             screen_->resizeWindow(250 + below(700), 180 + below(520));
+        } else if (kind < 99) {
+            std::vector<fs::path> dropped;
+            for (int count = 1 + below(2); count > 0; --count)
+                dropped.push_back(
+                    files[static_cast<size_t>(below(static_cast<int>(files.size())))]);
+            screen_->drop(uriList(dropped), below(200), below(150), oneTurn);
+            ++drops;
         } else {
             viewer.editor().setBetas({static_cast<float>(below(5))});
         }
-        for (int turns = below(3); turns >= 0; --turns) {
-            // Somebody may have answered that the work, as it was then, is to be lost.
-            if (!viewer.question().empty()) asked = viewer.editor().version();
-            if (viewer.frame()) continue;
-            ASSERT_TRUE(asked == viewer.editor().version() || !viewer.editor().modified())
-                << "seed " << seed << ", event " << i << ": the window closed over unsaved work";
-            viewer.window().keepOpen();
-        }
-        ASSERT_TRUE(isFinite(viewer.editor().pose())) << "seed " << seed << ", event " << i;
+        for (int turns = below(3); turns >= 0; --turns) oneTurn();
+        ASSERT_TRUE(isFinite(viewer.editor().pose())) << "seed " << seed << ", event " << event;
         for (const Keyframe& key : viewer.editor().keyframes()) ASSERT_TRUE(isFinite(key.pose));
     }
     for (int button : held) screen_->release(button);
     screen_->resizeWindow(700, 520);
+    await("the films", [&] {
+        viewer.window().keepOpen();
+        viewer.frame();
+        return !viewer.working();
+    });
     // Whatever asks, films, or plays.
     for (int i = 0; i < 20 && (i < 3 || !viewer.settled()); ++i) {
         viewer.window().keepOpen();
@@ -153,7 +190,7 @@ TEST_F(MonkeyTest, RandomEventsLeaveTheWindowAliveAndItsUndoWhole) {
     screen_->key("Home");
     settle();
     EXPECT_GT(shareOfAvatar(picture()), 0.02);
-    fmt::print("{} events, {} steps of undo\n", events, steps);
+    fmt::print("{} events, {} drops, {} films, {} steps of undo\n", events, drops, films, steps);
 }
 
 }  // namespace

@@ -187,8 +187,8 @@ protected:
         hold("Return");
         settle();
     }
-    // As a file manager does: in an address every byte but letters and digits may be %XX.
-    void dropOnWindow(const std::vector<fs::path>& paths) {
+    // As a file manager writes it: in an address every byte but letters and digits may be %XX.
+    static std::string uriList(const std::vector<fs::path>& paths) {
         std::string list;
         for (const fs::path& path : paths) {
             list += "file://";
@@ -198,7 +198,10 @@ protected:
                             : fmt::format("%{:02X}", static_cast<unsigned char>(c));
             list += "\r\n";
         }
-        EXPECT_TRUE(screen_->drop(list, 60, 60, [&] { viewer_->frame(); }));
+        return list;
+    }
+    void dropOnWindow(const std::vector<fs::path>& paths) {
+        EXPECT_TRUE(screen_->drop(uriList(paths), 60, 60, [&] { viewer_->frame(); }));
         settle();
     }
     glm::dvec2 at(size_t joint) { return viewer_->jointOnScreen(joint); }
