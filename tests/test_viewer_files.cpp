@@ -288,6 +288,26 @@ TEST_F(DialogTest, FilesAndFoldersAreChosen) {
     clickItem("picture");
     EXPECT_TRUE(fs::exists(*folder_ / "a picture's name.png")) << viewer.message();
 
+    // A name that is chosen while the window asks something waits, as what is dropped does.
+    viewer.editor().setKeyframe(2);
+    clickItem("choose a file");
+    words();
+    screen_->closeWindow();
+    settle();
+    const std::string question = viewer.question();
+    EXPECT_NE(question, "");
+    answer(named.string());
+    for (int i = 0; i < 20; ++i) {
+        viewer.frame();
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    EXPECT_EQ(viewer.question(), question);
+    viewer.answer("Cancel");
+    untilAnswered([&] { return viewer.question().find("Opening") != std::string::npos; });
+    viewer.answer("Do not save");
+    settle();
+    EXPECT_FALSE(viewer.editor().modified());
+
     // A window that is closed takes its dialog along.
     clickItem("choose a file");
     words();

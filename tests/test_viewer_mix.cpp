@@ -91,6 +91,27 @@ TEST_F(MixTest, ThePanelChoosesWhoGivesWhat) {
     EXPECT_EQ(viewer.avatar().texture, readAvatar(*folder_ / "plain").texture);
 }
 
+TEST_F(MixTest, ThePanelNamesTheNewAvatar) {
+    writeAvatar(*folder_ / "plain", plainAvatar());
+    ViewerOptions options;
+    options.avatar = *folder_ / "plain";
+    options.width = 900, options.height = 750;
+    Viewer& viewer = open(options);
+    viewer.mixWith(blue());
+    viewer.takePart(partNamed("top"), 1);
+    viewer.settings().panel = true;
+    settle();
+    clickItem("Files");
+    clickItem("name");
+    type((*folder_ / "anna").string());
+    for (const char* out : {"anna-mixed", "anna-mixed-1"}) {
+        clickItem("Mix");
+        clickItem("save as a new avatar");
+        work();
+        EXPECT_TRUE(fs::exists(*folder_ / out / "avatar.toml")) << viewer.message();
+    }
+}
+
 TEST_F(MixTest, WhatIsNotSavedIsAskedAbout) {
     Viewer& viewer = openPlain();
     viewer.mixWith(blue());

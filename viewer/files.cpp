@@ -283,23 +283,24 @@ fs::path Viewer::freeName(const std::string& stem, const std::string& extension)
     }
 }
 
-fs::path Viewer::nameToWrite(const std::string& unnamed, const std::string& extension) const {
+fs::path Viewer::nameToWrite(const std::string& unnamed, const std::string& ending) const {
     fs::path named = outText_.data();
     std::error_code ignored;
     const fs::path folder = fs::is_directory(named, ignored) ? named : named.parent_path();
     if (!folder.empty() && !fs::is_directory(folder, ignored))
         throwInput("{}: expected a folder that is there, found none; make it, or choose another",
                    folder.string());
+    const std::string extension = ending.starts_with('.') ? ending : std::string();
     if (folder == named || !named.has_filename())
         return freeName((folder / unnamed).string(), extension);
     // Whoever named one kind of file writes others, too.
-    const std::string ending = endingOf(named);
-    if (videoKindOf(named) || ending == ".png" || ending == ".glb" || ending == ".npz")
+    const std::string typed = endingOf(named);
+    if (videoKindOf(named) || typed == ".png" || typed == ".glb" || typed == ".npz")
         named.replace_extension();
-    if (extension.empty()) named += "-frames";
-    fs::path plain = named;
-    plain += extension;
-    return isFree(plain) ? plain : freeName(named.string(), extension);
+    if (extension.empty()) named += ending;
+    const std::string stem = named.string();
+    const fs::path plain = stem + extension;
+    return isFree(plain) ? plain : freeName(stem, extension);
 }
 
 void Viewer::chooseNameToWrite() {
@@ -424,7 +425,7 @@ void Viewer::afterSavingMix(const std::string& what, std::function<void()> then)
     ask({what,
          {{"Save",
            [this, then] {
-               saveMix(freeName("mixed", ""));
+               saveMix(nameToWrite("mixed", "-mixed"));
                then();
            },
            "Writes it as a new avatar, then goes on."},

@@ -281,10 +281,9 @@ private:
     bool recover(const std::string& text, const std::string& name);
     bool isFree(const std::filesystem::path& path) const;
     std::filesystem::path freeName(const std::string& stem, const std::string& extension) const;
-    // As the panel names what is written, with a number where that is taken; `unnamed` where it
-    // names only a folder, or nothing. Without an extension it is a folder's name.
-    std::filesystem::path nameToWrite(const std::string& unnamed,
-                                      const std::string& extension) const;
+    // As the panel names what is written, with this ending (".png", or "-frames" of a folder), and
+    // with a number where that is taken; `unnamed` where it names only a folder, or nothing.
+    std::filesystem::path nameToWrite(const std::string& unnamed, const std::string& ending) const;
 
     void opened(const std::filesystem::path& file);
     void setLook(Theme theme, double scale);

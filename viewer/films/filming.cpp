@@ -43,7 +43,7 @@ constexpr float kPreviewSide = 170;  // window units
 void Viewer::startFilmAsSet() {
     FilmSettings asked = filmSettings_;
     asked.clear = asked.clear && keepsAlpha(filmKind_);
-    startFilm(isPictures(filmKind_) ? nameToWrite("doppel-frames", "")
+    startFilm(isPictures(filmKind_) ? nameToWrite("doppel-frames", "-frames")
                                     : nameToWrite("doppel", videoKinds()[size_t(filmKind_)].ending),
               asked);
 }

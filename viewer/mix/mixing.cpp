@@ -121,9 +121,9 @@ void Viewer::drawMixTab() {
     beside("save as a new avatar");
     if (button("save as a new avatar",
                "Writes mixed-1, or the next free number, into the folder that the viewer was "
-               "started in.",
+               "started in, or NAME-mixed as \"Files\" names what is written.",
                unmixed_ && !mixer_.busy() && !mixSave_))
-        attempt([&] { saveMix(freeName("mixed", "")); });
+        attempt([&] { saveMix(nameToWrite("mixed", "-mixed")); });
     if (mixSave_) hint("writing the avatar ...");
 }
 
