@@ -184,6 +184,32 @@ TEST_F(ControlsTest, TheBodyThrowsAContactShadow) {
         writeImage(fs::path(folder) / "contact-shadow.png", with);
 }
 
+// Also where the joint is at the picture's edge.
+TEST_F(ControlsTest, TheJointsNameIsReadBesideTheMouse) {
+    Viewer& viewer = open();
+    const auto white = [&](glm::dvec2 mouse) {
+        screen_->move(mouse.x, mouse.y);
+        settle();
+        const Image seen = picture();
+        int count = 0;
+        for (int y = std::max(0, int(mouse.y) - 26); y < int(mouse.y) + 20; ++y)
+            for (int x = std::max(0, int(mouse.x) - 110);
+                 x < std::min(seen.width, int(mouse.x) + 110); ++x)
+                count += *std::min_element(seen.pixel(x, y), seen.pixel(x, y) + 3) > 200;
+        return count;
+    };
+    const glm::dvec2 wrist = at(joint::kLeftWrist);
+    const int free = white(wrist);
+    EXPECT_GT(free, 20) << "its letters";
+    const OrbitCamera camera = viewer.camera();
+    for (const glm::dvec2 edge : {glm::dvec2(kWidth - 12, 200), glm::dvec2(300, 5)}) {
+        viewer.camera() = camera;
+        viewer.camera().pan(edge.x - wrist.x, edge.y - wrist.y, viewer.panes()[0].height);
+        settle();
+        EXPECT_NEAR(white(at(joint::kLeftWrist)), free, .35 * free) << edge.x << ", " << edge.y;
+    }
+}
+
 TEST_F(ControlsTest, TheTipsOfUndoAndRedoNameTheStep) {
     Viewer& viewer = openTab("Pose");
     const glm::dvec2 wrist = at(joint::kLeftWrist);

@@ -339,6 +339,7 @@ TEST_F(ViewerTest, EachMoveIsOnTheNextPicture) {
             else
                 EXPECT_LT(glm::distance(at(joint::kLeftWrist), to), 4) << i;
         }
+        picture();  // waits until the screen shows the last one
         screen_->release(orbits ? 2 : 1);
         settle();
     }

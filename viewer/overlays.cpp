@@ -116,10 +116,13 @@ void Viewer::drawOverlays() {
         atMouse = jointName(*hovered_);
         std::ranges::replace(atMouse, '_', ' ');
     }
-    if (!atMouse.empty())
-        drawLabel(
-            {static_cast<float>(mouse_.x) + 14 * unit, static_cast<float>(mouse_.y) - 22 * unit},
-            atMouse);
+    if (atMouse.empty() || panes_.empty()) return;
+    // Beside the panel and at the window's edges, too, all of it is seen.
+    const auto right = static_cast<float>((panes_.back().x + panes_.back().width) / scale);
+    const float most = right - ImGui::CalcTextSize(atMouse.c_str()).x - 6 * unit;
+    drawLabel({std::min(static_cast<float>(mouse_.x) + 14 * unit, most),
+               std::max(static_cast<float>(mouse_.y) - 22 * unit, 3 * unit)},
+              atMouse);
 }
 
 }  // namespace doppel
