@@ -29,6 +29,7 @@ struct Painted {
     // Whether legs are bare down to socks, which are shoes here, and the top covers the hips; shoes
     // as high as those socks under trousers.
     bool bareLegs = false, longTop = false, boots = false;
+    bool bareShoulders = false;  // above sleeves
 };
 constexpr Painted kAnn{{kPale, kBrown, kBlue, kGrey, kGreen}};
 constexpr Painted kBea{{kDark, kBlack, kRed, kGreen, kGrey}, true};
@@ -71,7 +72,16 @@ Garment wornAt(const Painted& person, size_t v) {
         case joint::kRightKnee:
             if ((person.bareLegs || person.boots) && y < -.9f) return Garment::Shoes;
             return person.bareLegs ? Garment::Skin : Garment::Bottom;
+        case joint::kLeftShoulder:
+        case joint::kRightShoulder:
+            return person.bareShoulders && std::abs(body().templateVertices[3 * v]) < .25f
+                       ? Garment::Skin
+                       : Garment::Top;
+        case joint::kLeftCollar:
+        case joint::kRightCollar:
+            return person.bareShoulders ? Garment::Skin : Garment::Top;
         default:
+            if (person.bareShoulders && y > .12f) return Garment::Skin;
             return person.longHair && z < .01f && std::abs(body().templateVertices[3 * v]) < .08f
                        ? Garment::Hair
                        : Garment::Top;
@@ -149,6 +159,30 @@ TEST(Garments, AreToldByColourAndPlace) {
     Painted skirt = kAnn;
     skirt.bareLegs = true;
     EXPECT_GT(partThatAgrees(skirt, segmentGarments(body(), avatarOf(skirt).texture, kSize)), .98);
+}
+
+TEST(Garments, SleevesMayBeginBelowBareShoulders) {
+    Painted bare = kAnn;
+    bare.bareShoulders = true;
+    const Avatar ann = avatarOf(bare), bea = avatarOf(kBea);
+    const auto sleeves = [&](size_t v) {
+        return wornAt(bare, v) == Garment::Top &&
+               movedBy({joint::kLeftShoulder, joint::kRightShoulder})(v);
+    };
+    const std::vector<Garment> garments = segmentGarments(body(), ann.texture, kSize);
+    size_t wrong = 0, all = 0;
+    for (size_t v = 0; v < garments.size(); ++v)
+        if (sleeves(v)) ++all, wrong += garments[v] != Garment::Top;
+    ASSERT_GT(all, 50u);
+    EXPECT_LT(wrong, all / 20);
+    // Of another's skin they keep their colour, and shoulders take hers.
+    const Avatar mixed = mixAvatars({.base = &bea, .top = &ann}).avatar;
+    expectColour(meanWhere(mixed, sleeves), kBlue);
+    const auto shoulders = [&](size_t v) {
+        return wornAt(bare, v) == Garment::Skin &&
+               movedBy({joint::kSpine3, joint::kLeftCollar, joint::kRightCollar})(v);
+    };
+    expectColour(meanWhere(mixed, shoulders), kDark);
 }
 
 TEST(Garments, APrintIsOfItsShirt) {

@@ -124,7 +124,7 @@ void doubt(Garment garment, Garment other, std::span<const glm::dvec3> colours,
 
 // A print has colours of hair, a fold those of trousers: an island of a garment that no sure vertex
 // has takes the garment that it borders on most. Of skin, which shows at knees and between clothes,
-// only small ones.
+// and of tops, whose sleeves may begin below bare shoulders, only small ones.
 void removeIslands(std::vector<std::optional<Garment>>& labels,
                    const std::vector<std::optional<Garment>>& sure, const Adjacency& adjacency) {
     constexpr size_t kSmall = 30;  // vertices
@@ -149,7 +149,9 @@ void removeIslands(std::vector<std::optional<Garment>>& labels,
                 }
             }
         }
-        if (isSure || (garment == Garment::Skin && island.size() >= kSmall)) continue;
+        if (isSure ||
+            ((garment == Garment::Skin || garment == Garment::Top) && island.size() >= kSmall))
+            continue;
         const auto most = std::ranges::max_element(borders);
         if (*most == 0) continue;  // all of a mesh's part, as eyes may be
         for (size_t v : island) labels[v] = static_cast<Garment>(most - borders.begin());

@@ -93,15 +93,25 @@ void Giver::recolour(const Giver& head, std::span<const size_t> taken,
     auto skinOf = [](const Giver& giver, std::span<const size_t> of) {
         std::vector<size_t> skin;
         std::ranges::copy_if(of, std::back_inserter(skin),
-                             [&](size_t v) { return giver.wears(Garment::Skin, v); });
+                             [&](size_t v) { return giver.amidSkin(v); });
         return skin;
     };
-    const std::vector<size_t> shared = skinOf(head, taken), faceThere = skinOf(head, face),
-                              faceHere = skinOf(*this, face);
+    const std::vector<size_t> faceThere = skinOf(head, face), faceHere = skinOf(*this, face);
+    std::vector<size_t> own = skinOf(*this, taken);
+    if (faceHere.size() >= kFewest) {
+        // A sleeve may have been taken for skin.
+        constexpr double kLikeFace = 20;  // of a*, b*
+        const glm::dvec3 like = toneOf(faceHere).lab;
+        std::erase_if(own, [&](size_t v) {
+            const glm::dvec3 lab = labOf(colours_[v]);
+            return std::hypot(lab.y - like.y, lab.z - like.z) > kLikeFace;
+        });
+    }
+    const std::vector<size_t> shared = skinOf(head, own);
     const bool shares = shared.size() >= kFewest;
-    const std::span<const size_t> here = shares                    ? std::span(shared)
-                                         : taken.size() >= kFewest ? taken
-                                                                   : std::span(faceHere),
+    const std::span<const size_t> here = shares                  ? std::span(shared)
+                                         : own.size() >= kFewest ? std::span(own)
+                                                                 : std::span(faceHere),
                                   there = shares ? std::span(shared) : std::span(faceThere);
     if (here.size() < kFewest || there.size() < kFewest) return;
     from_ = toneOf(here);
@@ -111,26 +121,30 @@ void Giver::recolour(const Giver& head, std::span<const size_t> taken,
 // Nothing else is near.
 bool Giver::amidSkin(size_t v) const { return beside_[v] == Garments().set(number(Garment::Skin)); }
 
-// How much of a place is skin by its colour, whatever its light.
-double Giver::skinByColour(const glm::dvec3& colour) const {
-    constexpr double kSame = 3, kOther = 9;  // of the spread
+// How much of a place is skin by its colour, whatever its light; amid skin what shines or blushes
+// is, too, and what has another colour is something that counts as skin by mistake.
+double Giver::skinByColour(const glm::dvec3& colour, bool amid) const {
+    constexpr double kSame = 3, kOther = 9;            // of the spread
+    constexpr double kSameAmid = 25, kOtherAmid = 45;  // of a*, b*
     const glm::dvec3 lab = labOf(colour);
-    const double off = std::hypot((lab.y - from_->lab.y) / from_->spread.y,
-                                  (lab.z - from_->lab.z) / from_->spread.z);
-    return std::clamp((kOther - off) / (kOther - kSame), 0., 1.);
+    const glm::dvec2 off(lab.y - from_->lab.y, lab.z - from_->lab.z);
+    if (amid) return std::clamp((kOtherAmid - glm::length(off)) / (kOtherAmid - kSameAmid), 0., 1.);
+    const double spreads = std::hypot(off.x / from_->spread.y, off.y / from_->spread.z);
+    return std::clamp((kOther - spreads) / (kOther - kSame), 0., 1.);
 }
 
 glm::dvec3 Giver::recoloured(const glm::dvec3& skin) const {
-    constexpr double kMostContrast = 2;  // of a lighter skin's shades, noise among them
-    const glm::dvec3 factor =
-        glm::min(to_->middle / glm::max(from_->middle, .01), glm::dvec3(kMostContrast));
-    return glm::max(to_->middle + (skin - from_->middle) * factor, 0.);
+    constexpr double kMostContrast = 1.5;  // of a lighter skin's shades, noise among them
+    const glm::dvec3 &from = from_->middle, &to = to_->middle;
+    const double factor =
+        std::min((to.x + to.y + to.z) / std::max(from.x + from.y + from.z, .03), kMostContrast);
+    return glm::max(to + (skin - from) * factor, 0.);
 }
 
 glm::dvec3 Giver::colour(size_t v) const {
     const glm::dvec3& shown = colours_[v];
     if (!from_ || !wears(Garment::Skin, v)) return shown;
-    return glm::mix(shown, recoloured(shown), amidSkin(v) ? 1 : skinByColour(shown));
+    return glm::mix(shown, recoloured(shown), skinByColour(shown, amidSkin(v)));
 }
 
 // Where skin ends, texels have some of what lies beside it, and that part keeps its colour: as all
@@ -159,7 +173,7 @@ glm::dvec3 Giver::recoloured(const glm::dvec3& colour, const AtlasTexel& texel) 
                    *least * *least * (recoloured(colour) - colour - recoloured(*own) + *own);
     }
     return glm::mix(colour, recoloured(colour),
-                    skin * (std::ranges::all_of(texel.corners, amid) ? 1 : skinByColour(colour)));
+                    skin * skinByColour(colour, std::ranges::all_of(texel.corners, amid)));
 }
 
 glm::dvec3 Giver::colour(const AtlasTexel& texel, const std::array<Garments, 3>& gone) const {

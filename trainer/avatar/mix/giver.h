@@ -61,7 +61,7 @@ private:
     glm::dvec3 at(const glm::dvec2& uv) const;
     std::optional<glm::dvec3> clean(const AtlasTexel& texel, Garment garment) const;
     bool amidSkin(size_t v) const;
-    double skinByColour(const glm::dvec3& colour) const;
+    double skinByColour(const glm::dvec3& colour, bool amid) const;
     glm::dvec3 recoloured(const glm::dvec3& skin) const;
     glm::dvec3 recoloured(const glm::dvec3& colour, const AtlasTexel& texel) const;
 
@@ -75,7 +75,7 @@ private:
     std::array<std::optional<ColourMixture>, kGarmentCount> mixtures_;
     std::vector<Garments> beside_;  // [V] what is worn within two edges
     // What skin is, and what it is to be. Another skin in the same light has the same shades times
-    // a factor per channel, in encoded values too: a power of a factor is one.
+    // a factor, in encoded values too: a power of a factor is one.
     std::optional<Tone> from_, to_;
 };
 
