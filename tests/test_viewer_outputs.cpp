@@ -111,6 +111,13 @@ TEST_F(OutputsTest, AreCalledAsThePanelNamesThem) {
     work();
     EXPECT_EQ(VideoReader("keyed.mp4").frameCount(), 3) << viewer.message();
 
+    // As a shell would take it.
+    setenv("HOME", (fs::current_path() / "shots").c_str(), 1);
+    name("~/home");
+    clickItem("picture");
+    work();
+    EXPECT_TRUE(fs::exists("shots/home.png")) << viewer.message();
+
     name("nowhere/anna");
     for (const char* button : {"picture", "film", "glTF, .glb"}) {
         clickItem(button);

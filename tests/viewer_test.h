@@ -162,13 +162,14 @@ protected:
     // Letters, digits and what paths have, into the field that is typed into.
     void type(std::string_view text) {
         for (const char c : text) {
-            const bool large = c >= 'A' && c <= 'Z';
-            if (large) screen_->keyDown("Shift_L");
+            const bool shifted = (c >= 'A' && c <= 'Z') || c == '~';
+            if (shifted) screen_->keyDown("Shift_L");
             screen_->key(c == '/'   ? "slash"
                          : c == '.' ? "period"
                          : c == '-' ? "minus"
+                         : c == '~' ? "grave"
                                     : std::string(1, c));
-            if (large) screen_->keyUp("Shift_L");
+            if (shifted) screen_->keyUp("Shift_L");
             turn(2);
         }
         settle();

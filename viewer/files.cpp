@@ -276,6 +276,13 @@ bool Viewer::isFree(const fs::path& path) const {
     return !promised && !isTaken(path);
 }
 
+fs::path Viewer::typedPath(std::span<const char> field) {
+    const std::string text = field.data();
+    const char* home = std::getenv("HOME");
+    if (!home || (text != "~" && !text.starts_with("~/"))) return text;
+    return text == "~" ? fs::path(home) : fs::path(home) / text.substr(2);
+}
+
 fs::path Viewer::freeName(const std::string& stem, const std::string& extension) const {
     for (int i = 1;; ++i) {
         fs::path path = fmt::format("{}-{}{}", stem, i, extension);
@@ -284,7 +291,7 @@ fs::path Viewer::freeName(const std::string& stem, const std::string& extension)
 }
 
 fs::path Viewer::nameToWrite(const std::string& unnamed, const std::string& ending) const {
-    fs::path named = outText_.data();
+    fs::path named = typedPath(outText_);
     std::error_code ignored;
     const fs::path folder = fs::is_directory(named, ignored) ? named : named.parent_path();
     if (!folder.empty() && !fs::is_directory(folder, ignored))

@@ -442,10 +442,10 @@ void Viewer::drawFilesTab() {
     const bool named = pathText_[0] != 0;
     if ((button("open", "The avatar, motion, pose or picture of this name.", named) || entered) &&
         named)
-        attempt([&] { openFile(std::filesystem::path(pathText_.data())); });
+        attempt([&] { openFile(typedPath(pathText_)); });
     beside("save poses as");
     if (button("save poses as", "Saves what is edited under this name.", named))
-        attempt([&] { saveAs(std::filesystem::path(pathText_.data())); });
+        attempt([&] { saveAs(typedPath(pathText_)); });
     const bool asks = FileDialog::isThere();
     const char* none = asks ? "" : " It needs zenity or kdialog, which are not installed.";
     if (button("choose a file", keys_.tip("A motion, a pose or a picture", Action::Open) + none,

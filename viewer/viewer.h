@@ -10,6 +10,7 @@
 #include <memory>
 #include <optional>
 #include <set>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -279,6 +280,8 @@ private:
     void offerRecovery();
     // Whether all of it is here again, and kept.
     bool recover(const std::string& text, const std::string& name);
+    // Of a field; a ~ before it is the user's home folder, as in a shell.
+    static std::filesystem::path typedPath(std::span<const char> field);
     bool isFree(const std::filesystem::path& path) const;
     std::filesystem::path freeName(const std::string& stem, const std::string& extension) const;
     // As the panel names what is written, with this ending (".png", or "-frames" of a folder), and

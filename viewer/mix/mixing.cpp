@@ -90,7 +90,7 @@ void Viewer::drawMixTab() {
     const bool entered = drawPathField("Another avatar's folder; Enter takes from it."),
                named = pathText_[0] != 0;
     if ((button("take from", "The avatar in the folder of this name.", named) || entered) && named)
-        attempt([&] { mixWith(fs::path(pathText_.data())); });
+        attempt([&] { mixWith(typedPath(pathText_)); });
     beside("choose...");
     if (button("choose...",
                "Chooses another avatar; one that is dropped while this is open is one as well."))
