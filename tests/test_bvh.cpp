@@ -212,6 +212,26 @@ TEST(Bvh, KnowsTheNamesInUse) {
     }
 }
 
+// A shin without a thigh is not both.
+TEST(Bvh, NeedsAThigh) {
+    std::vector<Bone> bones;
+    for (const Bone& bone : person(true)) {
+        const auto as = [](std::string name) {
+            if (const size_t at = name.find("UpLeg"); at != std::string::npos)
+                return name.replace(at, 5, "Piece");
+            if (const size_t at = name.find("Leg"); at != std::string::npos)
+                return name.replace(at, 3, "Shin");
+            return name;
+        };
+        bones.push_back({as(bone.name), as(bone.parent), bone.offset});
+    }
+    const std::string message = messageOf<InputError>([&] {
+        motionOf(bvhText(bones, {{}}, {{0, .9, 0}}));
+    });
+    EXPECT_NE(message.find("found none for left_hip, right_hip among"), std::string::npos)
+        << message;
+}
+
 // CMU's files as they are: hips above a hip joint of no length, two necks, a back of three.
 TEST(Bvh, ReadsCmusSkeleton) {
     std::vector<Bone> bones;

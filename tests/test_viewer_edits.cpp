@@ -8,20 +8,12 @@
 namespace doppel::test {
 namespace {
 
-class EditsTest : public ViewerTest {
+class EditsTest : public InWorkFolder {
 protected:
-    // Files without a name of their own go there.
-    void SetUp() override {
-        ViewerTest::SetUp();
-        here_ = fs::current_path();
-        fs::create_directories(*folder_ / "work");
-        fs::current_path(*folder_ / "work");
-    }
     void TearDown() override {
         viewer_.reset();
-        fs::current_path(here_);
-        for (const char* name : {"work", "state"}) fs::remove_all(*folder_ / name);
-        ViewerTest::TearDown();
+        fs::remove_all(*folder_ / "state");
+        InWorkFolder::TearDown();
     }
     Viewer& openMotion(size_t frames = 30) {
         Motion motion = turningMotion(frames);
@@ -43,8 +35,6 @@ protected:
         glm::dvec2 from = at(joint::kLeftWrist);
         drag(from, from - glm::dvec2(0, pixels));
     }
-
-    fs::path here_;
 };
 
 TEST_F(EditsTest, WhatIsEditedOverAMotionStays) {

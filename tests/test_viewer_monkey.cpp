@@ -14,19 +14,11 @@ int numberOf(const char* variable, int otherwise) {
     return text && *text ? std::max(1, atoi(text)) : otherwise;
 }
 
-class MonkeyTest : public ViewerTest {
+class MonkeyTest : public InWorkFolder {
 protected:
     void SetUp() override {
-        ViewerTest::SetUp();
+        InWorkFolder::SetUp();
         alarm(0);  // long runs are asked for
-        here_ = fs::current_path();
-        fs::create_directories(*folder_ / "work");
-        fs::current_path(*folder_ / "work");
-    }
-    void TearDown() override {
-        viewer_.reset();
-        fs::current_path(here_);
-        ViewerTest::TearDown();
     }
     std::vector<fs::path> filesToDrop() {
         const Motion motion = turningMotion(12);
@@ -45,7 +37,6 @@ protected:
             files.push_back(*folder_ / name);
         return files;
     }
-    fs::path here_;
 };
 
 TEST_F(MonkeyTest, RandomEventsLeaveTheWindowAliveAndItsUndoWhole) {

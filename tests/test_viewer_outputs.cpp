@@ -5,21 +5,8 @@
 namespace doppel::test {
 namespace {
 
-class OutputsTest : public ViewerTest {
+class OutputsTest : public InWorkFolder {
 protected:
-    // Files without a folder of their own go there.
-    void SetUp() override {
-        ViewerTest::SetUp();
-        here_ = fs::current_path();
-        fs::create_directories(*folder_ / "work");
-        fs::current_path(*folder_ / "work");
-    }
-    void TearDown() override {
-        viewer_.reset();
-        fs::current_path(here_);
-        fs::remove_all(*folder_ / "work");
-        ViewerTest::TearDown();
-    }
     // With the panel's files, in a window that has room for all of them.
     Viewer& openFiles(size_t frames = 0) {
         ViewerOptions options;
@@ -50,7 +37,6 @@ protected:
         hold("BackSpace");
         type(text);
     }
-    fs::path here_;
 };
 
 // Whatever is there already stays.
@@ -112,11 +98,13 @@ TEST_F(OutputsTest, AreCalledAsThePanelNamesThem) {
     EXPECT_EQ(VideoReader("keyed.mp4").frameCount(), 3) << viewer.message();
 
     // As a shell would take it.
+    const std::string home = getenv("HOME") ? getenv("HOME") : "";
     setenv("HOME", (fs::current_path() / "shots").c_str(), 1);
     name("~/home");
     clickItem("picture");
     work();
     EXPECT_TRUE(fs::exists("shots/home.png")) << viewer.message();
+    setenv("HOME", home.c_str(), 1);
 
     name("nowhere/anna");
     for (const char* button : {"picture", "film", "glTF, .glb"}) {

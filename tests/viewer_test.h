@@ -297,4 +297,24 @@ inline void expectScreen(const Image& picture, const std::string& name) {
     EXPECT_LT(difference(small, readImage(path)), 0.01) << name;
 }
 
+// In a folder of its own, where files without one go.
+class InWorkFolder : public ViewerTest {
+protected:
+    void SetUp() override {
+        ViewerTest::SetUp();
+        here_ = fs::current_path();
+        fs::create_directories(*folder_ / "work");
+        fs::current_path(*folder_ / "work");
+    }
+    void TearDown() override {
+        viewer_.reset();
+        fs::current_path(here_);
+        fs::remove_all(*folder_ / "work");
+        ViewerTest::TearDown();
+    }
+
+private:
+    fs::path here_;
+};
+
 }  // namespace doppel::test

@@ -116,9 +116,9 @@ Mapping findJoints(const SkeletonMotion& source) {
         int& knee = of[joint::kLeftKnee + right];
         hip = find(side, {"upleg", "thigh", "upperleg", "thighbend", "femur", "hip"});
         knee = find(side, {"knee", "leg", "lowleg", "lowerleg", "shin", "calf", "tibia"});
-        // A leg is the thigh of those who have a shin and nothing else above it.
+        // A leg is the thigh of those who have a shin below it and nothing else above.
         const int shin = find(side, {"shin", "calf"});
-        if (hip == kNone && shin != kNone) hip = std::exchange(knee, shin);
+        if (hip == kNone && shin != kNone && knee != shin) hip = std::exchange(knee, shin);
         // Where there is an ankle a foot is what hangs on it, and a hand on a wrist.
         const int ankle = find(side, {"ankle"}), wrist = find(side, {"wrist"});
         of[joint::kLeftAnkle + right] = ankle != kNone ? ankle : find(side, {"foot"});

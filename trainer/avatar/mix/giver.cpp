@@ -9,17 +9,22 @@
 
 namespace doppel {
 
+std::vector<Garments> spread(std::vector<Garments> garments, int edges,
+                             const Adjacency& adjacency) {
+    for (int ring = 0; ring < edges; ++ring) {
+        std::vector<Garments> next = garments;
+        for (size_t v = 0; v < garments.size(); ++v)
+            for (int32_t n : adjacency.of(v)) next[v] |= garments[size_t(n)];
+        garments = std::move(next);
+    }
+    return garments;
+}
+
 std::vector<Garments> garmentsAround(std::span<const Garment> garments, int edges,
                                      const Adjacency& adjacency) {
-    std::vector<Garments> around(garments.size());
-    for (size_t v = 0; v < garments.size(); ++v) around[v].set(number(garments[v]));
-    for (int ring = 0; ring < edges; ++ring) {
-        std::vector<Garments> next = around;
-        for (size_t v = 0; v < garments.size(); ++v)
-            for (int32_t n : adjacency.of(v)) next[v] |= around[size_t(n)];
-        around = std::move(next);
-    }
-    return around;
+    std::vector<Garments> worn(garments.size());
+    for (size_t v = 0; v < garments.size(); ++v) worn[v].set(number(garments[v]));
+    return spread(std::move(worn), edges, adjacency);
 }
 
 Giver::Giver(const Avatar& avatar, const Adjacency& adjacency)
@@ -167,10 +172,11 @@ glm::dvec3 Giver::recoloured(const glm::dvec3& colour, const AtlasTexel& texel) 
             if (const auto share = shareBetween(colour, *own, *theirs))
                 least = std::min(least.value_or(1), *share);
         }
-        // The part of it that is skin changes as skin does.
+        // The part of it that is skin changes: as the skin beside it does where it is small, and by
+        // its own shade where it is all.
         if (least)
-            return colour + *least * (recoloured(*own) - *own) +
-                   *least * *least * (recoloured(colour) - colour - recoloured(*own) + *own);
+            return colour +
+                   *least * glm::mix(recoloured(*own) - *own, recoloured(colour) - colour, *least);
     }
     return glm::mix(colour, recoloured(colour),
                     skin * skinByColour(colour, std::ranges::all_of(texel.corners, amid)));

@@ -23,8 +23,9 @@ struct AtlasTexel {
 };
 
 using Garments = std::bitset<kGarmentCount>;
-// [V] Which of these garments, one per vertex, are worn within so many edges of a vertex, its own
-// among them.
+// [V] All that vertices within so many edges have of these [V], their own among it.
+std::vector<Garments> spread(std::vector<Garments> garments, int edges, const Adjacency& adjacency);
+// Of garments that are worn, one per vertex.
 std::vector<Garments> garmentsAround(std::span<const Garment> garments, int edges,
                                      const Adjacency& adjacency);
 
@@ -38,9 +39,8 @@ public:
     bool wears(Garment garment, size_t v) const { return garments_[v] == garment; }
     glm::dvec3 offset(size_t v) const;  // m
 
-    // Of a vertex and of a texel, skin in the colour that it is to have. A texel of which a garment
-    // of `gone` is seen, by what its corners wear there (of those that `counts`), which is nowhere
-    // near in the mix, is without it.
+    // Of a vertex and of a texel, skin in the colour that it is to have. A texel is without what it
+    // shows of garments that are gone beside its corners: worn near them here, and not in the mix.
     glm::dvec3 colour(size_t v) const;
     glm::dvec3 colour(const AtlasTexel& texel, const std::array<Garments, 3>& gone) const;
 

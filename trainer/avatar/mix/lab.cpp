@@ -26,20 +26,4 @@ glm::dvec3 labOf(const glm::dvec3& srgb) {
     return {116 * f.y - 16, 500 * (f.x - f.y), 200 * (f.y - f.z)};
 }
 
-glm::dvec3 srgbOf(const glm::dvec3& lab) {
-    const double y = (lab.x + 16) / 116;
-    glm::dvec3 f(y + lab.y / 500, y, y - lab.z / 200);
-    for (int c = 0; c < 3; ++c) {
-        const double cube = f[c] * f[c] * f[c];
-        f[c] = (cube > kCube ? cube : (116 * f[c] - 16) / kSlope) * kWhite[c];
-    }
-    const glm::dvec3 linear = glm::inverse(kToXyz) * f;
-    glm::dvec3 srgb;
-    for (int c = 0; c < 3; ++c) {
-        const double x = std::clamp(linear[c], 0., 1.);
-        srgb[c] = x <= .0031308 ? 12.92 * x : 1.055 * std::pow(x, 1 / 2.4) - .055;
-    }
-    return srgb;
-}
-
 }  // namespace doppel

@@ -7,7 +7,5 @@ namespace doppel {
 
 // Of sRGB-encoded values, cut to [0,1].
 glm::dvec3 labOf(const glm::dvec3& srgb);
-// The way back, cut to what sRGB has.
-glm::dvec3 srgbOf(const glm::dvec3& lab);
 
 }  // namespace doppel

@@ -233,12 +233,7 @@ private:
             std::vector<Garments> worn(vertices_);
             for (size_t v = 0; v < vertices_; ++v)
                 if (worn_[v].giver == k) worn[v].set(number(givers_[k].garments()[v]));
-            for (int ring = 0; ring < kNear; ++ring) {
-                std::vector<Garments> next = worn;
-                for (size_t v = 0; v < vertices_; ++v)
-                    for (int32_t n : around_.of(v)) next[v] |= worn[size_t(n)];
-                worn = std::move(next);
-            }
+            worn = spread(std::move(worn), kNear, around_);
             for (size_t v = 0; v < vertices_; ++v)
                 if (worn_[v].giver == k) gone_[v] = around[v] & ~worn[v];
         }
@@ -420,8 +415,8 @@ private:
     std::vector<Worn> worn_;
     // [V] Garments that a vertex's giver wears within three edges of it, and the mix does not.
     std::vector<Garments> gone_;
-    std::array<std::vector<double>, kGarmentCount>
-        nearness_;  // [V] how much is worn around, 0 to 1
+    // [V] How much of each garment is worn around a vertex, 0 to 1.
+    std::array<std::vector<double>, kGarmentCount> nearness_;
     std::vector<char> onHead_, onHands_;
 };
 

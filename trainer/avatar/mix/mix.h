@@ -51,11 +51,11 @@ struct Mix {
 
 // Hair lies over a top, a top over shoes and a bottom. Where two avatars' clothes do not cover
 // what was under the base's, skin is shown that one of them shows there, rather that of one who
-// wears there what is worn beside it, and else what is around; trousers hang down to shoes and go up
-// to a top, and under bare legs there are the socks that were worn with the skirt.
-// Skin of all has the colours of the head giver's. Over a seam offsets go over into each other
-// within some 3 cm; colours change where the upper garment's picture does, within a triangle, and
-// are without what pictures had mixed into them of what is not worn here. The light is the base's.
+// wears there what is worn beside it, and else what is around; trousers hang down to shoes and go
+// up to a top, and under bare legs there are the socks that were worn with the skirt. Skin of all
+// has the colours of the head giver's. Over a seam offsets go over into each other within some 3
+// cm; colours change where the upper garment's picture does, within a triangle, and are without
+// what pictures had mixed into them of what is not worn here. The light is the base's.
 //
 // The texture is fixed, of each avatar's baked one where it has one: networks paint one person, and
 // the avatar has none. InputError, naming the body's files, where they are not of one body model.
