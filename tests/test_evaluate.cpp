@@ -5,12 +5,16 @@
 #include "trainer/stages/surface.h"
 
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include "engine/io/image.h"
 #include "tests/files.h"
 #include "tests/op_test.h"
+#include "tests/refusals.h"
+#include "trainer/avatar/avatar.h"
 #include "trainer/avatar/bake.h"
 #include "trainer/commands/eval.h"
+#include "trainer/data/capture_writer.h"
 #include "trainer/eval/clip_truth.h"
 #include "trainer/motion/synthetic.h"
 #include "trainer/stages/stage.h"
@@ -142,6 +146,62 @@ TEST_F(Evaluate, PicturesFindPoses) {
     EXPECT_GT(byColours, byOutlines + .5);
     // Who is right wanders by what 96 pixels do not show, which is no reason to go on.
     EXPECT_LT(fitPosesToPictures(testDevice(), avatar, kept, 1), 4);
+}
+
+// The same as a user does it, with frames of a person who has an avatar: the capture that comes out
+// drives it.
+TEST_F(Evaluate, FitPutsAnAvatarIntoFrames) {
+    Avatar avatar = avatar_;
+    avatar.bodyArrays = readNpz(assetFolder() / "actor/woman.npz");
+    const int64_t vertices = avatar.body.vertexCount;
+    avatar.bodyArrays.set("shapedirs",
+                          Array::f32({vertices, 3, 10}, std::vector<float>(size_t(30 * vertices))));
+    avatar.betas = {.4f};
+    avatar.preset.shape.size = avatar.preset.texels.size = 96;
+    const test::Folder folder;
+    const std::string person = (folder / "avatar").string(), frames = (folder / "lost").string();
+    writeAvatar(person, avatar);
+    avatar = readAvatar(person);
+    const std::map<std::string, std::string> before = test::tree(person);
+    Capture lost = capture_.subset({{0, 1}});
+    for (size_t i = 0; i < lost.size(); ++i) {
+        for (size_t k = 0; k < kThetaSize; ++k) lost.theta[i][k] += (k + i) % 3 ? .05f : -.05f;
+        lost.trans[i][0] += .02f;
+    }
+    writeCapture(lost, frames);
+    auto fitted = [&](const std::string& to) {
+        const std::string out = (folder / to).string();
+        const test::Outcome outcome =
+            test::doppel({"fit", frames, "--avatar", person, "--to", to, "--out", out, "--json"});
+        EXPECT_EQ(outcome.status, 0) << outcome.err;
+        const auto json = nlohmann::json::parse(outcome.out);
+        EXPECT_GT(json["iou_after"].get<double>(), json["iou_before"].get<double>() + .02);
+        return readCapture(out);
+    };
+    auto psnr = [&](const Capture& capture) {
+        return meanMetrics(evaluateCapture(testDevice(), avatar, capture).frames).psnrBody;
+    };
+    const Capture masks = fitted("masks"), pictures = fitted("pictures");
+    EXPECT_EQ(masks.betas, avatar.betas);
+    EXPECT_EQ(pictures.betas, avatar.betas);
+    EXPECT_GT(psnr(masks), psnr(lost) + 1);
+    EXPECT_GT(psnr(pictures), psnr(masks) + .5);
+    EXPECT_EQ(test::tree(person), before);
+
+    const std::string out = (folder / "out").string();
+    for (const auto& [words, sentence] :
+         std::vector<std::pair<std::vector<std::string>, std::string>>{
+             {{"--avatar", person, "--body", "default"}, "--body"},
+             {{"--avatar", person, "--preset", "ci"}, "--preset"},
+             {{"--to", "masks"}, "--avatar"},
+             {{"--avatar", frames}, "avatar"}}) {
+        std::vector<std::string> line{"fit", frames, "--out", out};
+        line.insert(line.end(), words.begin(), words.end());
+        const test::Outcome outcome = test::doppel(line);
+        EXPECT_NE(outcome.status, 0);
+        EXPECT_NE(outcome.sentence().find(sentence), std::string::npos) << outcome.err;
+        EXPECT_FALSE(fs::exists(out));
+    }
 }
 
 // Arms that hang beside the body are before it in pictures from the sides, where an outline does

@@ -186,12 +186,18 @@ std::vector<std::vector<double>> silhouetteIous(Device& device, const BodyModel&
     return ious;
 }
 
+FitResult fitResult(Device& device, const BodyModel& body, const Capture& before,
+                    const Capture& after, FrameCache& frames, Ranks* ranks) {
+    std::vector<std::vector<double>> ious =
+        silhouetteIous(device, body, {&before, &after}, frames, ranks);
+    return {mean(ious[0]), mean(ious[1]), std::move(ious[0]), std::move(ious[1])};
+}
+
 FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
                      const FitSettings& settings) {
     FitPreset preset = settings.preset;
     preset.batch = std::min(preset.batch, static_cast<int>(capture.size()));
     FrameCache cache(capture);
-    FitResult result;
     Capture fitted = capture;
     unwrap(fitted.theta);
     TrainingFrames frames(device, body, fitted, cache, preset.size,
@@ -247,7 +253,7 @@ FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
         }
         step.graph.submit();
     };
-    if (!loop.run(settings.loop)) return result;
+    if (!loop.run(settings.loop)) return {};
 
     std::vector<float> poses = step.poses();
     for (size_t f = 0; f < fitted.size(); ++f) {
@@ -261,12 +267,7 @@ FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
     if (capture.source.contains("heads"))
         aimHeads(body, capture.theta, fitted.theta, start.heads ? 0 : .5);
     // Both now, so that a mask is decoded once, and nobody waits for it before the first step.
-    std::vector<std::vector<double>> ious =
-        silhouetteIous(device, body, {&capture, &fitted}, cache, settings.loop.ranks);
-    result.frameIouBefore = std::move(ious[0]);
-    result.iouBefore = mean(result.frameIouBefore);
-    result.frameIouAfter = std::move(ious[1]);
-    result.iouAfter = mean(result.frameIouAfter);
+    FitResult result = fitResult(device, body, capture, fitted, cache, settings.loop.ranks);
     capture.betas = fitted.betas;
     capture.theta = fitted.theta;
     capture.trans = fitted.trans;

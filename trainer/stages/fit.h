@@ -39,4 +39,8 @@ std::vector<std::vector<double>> silhouetteIous(Device& device, const BodyModel&
                                                 std::initializer_list<const Capture*> posed,
                                                 FrameCache& frames, Ranks* ranks = nullptr);
 
+// The same of a capture before and after a fit.
+FitResult fitResult(Device& device, const BodyModel& body, const Capture& before,
+                    const Capture& after, FrameCache& frames, Ranks* ranks = nullptr);
+
 }  // namespace doppel
