@@ -35,6 +35,17 @@ std::vector<DeviceInfo> describeAll(VkInstance instance, const std::filesystem::
     return infos;
 }
 
+bool hasExtension(VkPhysicalDevice physical, std::string_view wanted) {
+    uint32_t count = 0;
+    VK_CHECK(vkEnumerateDeviceExtensionProperties(physical, nullptr, &count, nullptr));
+    std::vector<VkExtensionProperties> there(count);
+    if (count > 0)
+        VK_CHECK(vkEnumerateDeviceExtensionProperties(physical, nullptr, &count, there.data()));
+    return std::ranges::any_of(there, [&](const VkExtensionProperties& extension) {
+        return wanted == extension.extensionName;
+    });
+}
+
 std::filesystem::path limitsWanted(const DeviceOptions& options) {
     if (!options.limits.empty()) return options.limits;
     const char* set = std::getenv("DOPPEL_DEVICE_LIMITS");
@@ -114,7 +125,10 @@ std::vector<DeviceInfo> Device::list() {
 
 Device::Device(DeviceOptions options) {
     bool validation = options.validation || validationWanted();
-    instance_ = createInstance(validation);
+    const bool surfaces =
+        !options.surfaceExtensions.empty() && instancesHave(options.surfaceExtensions);
+    if (!surfaces) options.surfaceExtensions.clear();
+    instance_ = createInstance(validation, options.surfaceExtensions);
     try {
         if (validation) messenger_ = createMessenger(instance_);
 
@@ -155,7 +169,7 @@ Device::Device(DeviceOptions options) {
 
         float priority = 1;
         VkDeviceQueueCreateInfo queueInfo{VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO};
-        queueInfo.queueFamilyIndex = *computeQueueFamily(physical_);
+        queueInfo.queueFamilyIndex = queueFamily_ = *computeQueueFamily(physical_);
         queueInfo.queueCount = 1;
         queueInfo.pQueuePriorities = &priority;
         VkPhysicalDeviceVulkan12Features features12{
@@ -165,12 +179,17 @@ Device::Device(DeviceOptions options) {
         features12.shaderBufferInt64Atomics = kernelPath().int64Atomics ? VK_TRUE : VK_FALSE;
         VkDeviceCreateInfo deviceInfo{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO};
         deviceInfo.pNext = &features12;
+        std::vector<const char*> extensions;
         MatrixFeatures matrixFeatures;
         if (matrixUnits_) {
             deviceInfo.pNext = matrixFeatures.chain(features12);
-            deviceInfo.enabledExtensionCount = uint32_t{MatrixFeatures::kExtensions.size()};
-            deviceInfo.ppEnabledExtensionNames = MatrixFeatures::kExtensions.data();
+            extensions.assign(MatrixFeatures::kExtensions.begin(),
+                              MatrixFeatures::kExtensions.end());
         }
+        hasSwapchains_ = surfaces && hasExtension(physical_, VK_KHR_SWAPCHAIN_EXTENSION_NAME);
+        if (hasSwapchains_) extensions.push_back(VK_KHR_SWAPCHAIN_EXTENSION_NAME);
+        deviceInfo.enabledExtensionCount = static_cast<uint32_t>(extensions.size());
+        deviceInfo.ppEnabledExtensionNames = extensions.data();
         VkPhysicalDeviceFeatures features{};
         features.shaderInt64 = info_.int64 ? VK_TRUE : VK_FALSE;
         deviceInfo.pEnabledFeatures = &features;
@@ -388,6 +407,7 @@ VkFence Device::newFence() {
 void Device::submit(std::span<const VkCommandBuffer> commands, VkFence fence) {
     ++submissions_;
     VK_CHECK(vkResetFences(device_, 1, &fence));
+    std::lock_guard lock(queueMutex_);
     for (const VkCommandBuffer& one : commands) {
         VkSubmitInfo info{VK_STRUCTURE_TYPE_SUBMIT_INFO};
         info.commandBufferCount = 1;

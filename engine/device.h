@@ -6,6 +6,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <span>
 #include <string>
@@ -42,6 +43,9 @@ struct DeviceOptions {
     // That a submission may take on a slow GPU, see Recorder::expect(): half of what desktops
     // allow.
     double secondsPerSubmit = 1;
+    // What a window's surface asks of the instance: where all of it is there, the device can have
+    // swapchains, see Device::hasSwapchains(). Empty: it shows nothing itself.
+    std::vector<const char*> surfaceExtensions;
 };
 
 class Device {
@@ -63,6 +67,17 @@ public:
     double secondsPerSubmit() const { return secondsPerSubmit_; }
     VkDevice handle() const { return device_; }
     double timestampPeriodNanoseconds() const { return timestampPeriod_; }
+
+    // For a swapchain on this device, where VK_KHR_swapchain is switched on; whether its queue
+    // presents to a surface, the surface says.
+    bool hasSwapchains() const { return hasSwapchains_; }
+    VkInstance instance() const { return instance_; }
+    VkPhysicalDevice physical() const { return physical_; }
+    VkQueue queue() const { return queue_; }
+    uint32_t queueFamily() const { return queueFamily_; }
+    // Whoever presents in another thread than the one that computes, holds this while it uses the
+    // queue, as submit() does.
+    std::mutex& queueMutex() { return queueMutex_; }
 
     // A buffer of its own; throws MachineError with the size when memory runs out, or a limit of
     // the device is reached.
@@ -96,6 +111,9 @@ private:
     VkPhysicalDevice physical_ = VK_NULL_HANDLE;
     VkDevice device_ = VK_NULL_HANDLE;
     VkQueue queue_ = VK_NULL_HANDLE;
+    uint32_t queueFamily_ = 0;
+    std::mutex queueMutex_;
+    bool hasSwapchains_ = false;
     VkCommandPool pool_ = VK_NULL_HANDLE;
     VkPipelineCache pipelineCache_ = VK_NULL_HANDLE;
     VkPhysicalDeviceMemoryProperties memory_{};

@@ -105,6 +105,18 @@ VkInstance createInstance(bool validation, std::span<const char* const> extensio
     return instance;
 }
 
+bool instancesHave(std::span<const char* const> extensions) {
+    uint32_t count = 0;
+    VK_CHECK(vkEnumerateInstanceExtensionProperties(nullptr, &count, nullptr));
+    std::vector<VkExtensionProperties> there(count);
+    if (count > 0) VK_CHECK(vkEnumerateInstanceExtensionProperties(nullptr, &count, there.data()));
+    return std::ranges::all_of(extensions, [&](std::string_view wanted) {
+        return std::ranges::any_of(there, [&](const VkExtensionProperties& extension) {
+            return wanted == extension.extensionName;
+        });
+    });
+}
+
 VkDebugUtilsMessengerEXT createMessenger(VkInstance instance) {
     VkDebugUtilsMessengerCreateInfoEXT info{
         VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT};

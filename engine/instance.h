@@ -25,6 +25,8 @@ std::vector<std::string> validationMessages();
 // With or without the validation layer, synchronisation validation included, whose messages end up
 // in validationMessages(). MachineError where the layer, an extension or any driver is missing.
 VkInstance createInstance(bool validation, std::span<const char* const> extensions = {});
+// Whether instances can have all of these extensions.
+bool instancesHave(std::span<const char* const> extensions);
 // Of an instance with validation.
 VkDebugUtilsMessengerEXT createMessenger(VkInstance instance);
 // Either may be null.
