@@ -35,17 +35,6 @@ std::vector<DeviceInfo> describeAll(VkInstance instance, const std::filesystem::
     return infos;
 }
 
-bool hasExtension(VkPhysicalDevice physical, std::string_view wanted) {
-    uint32_t count = 0;
-    VK_CHECK(vkEnumerateDeviceExtensionProperties(physical, nullptr, &count, nullptr));
-    std::vector<VkExtensionProperties> there(count);
-    if (count > 0)
-        VK_CHECK(vkEnumerateDeviceExtensionProperties(physical, nullptr, &count, there.data()));
-    return std::ranges::any_of(there, [&](const VkExtensionProperties& extension) {
-        return wanted == extension.extensionName;
-    });
-}
-
 std::filesystem::path limitsWanted(const DeviceOptions& options) {
     if (!options.limits.empty()) return options.limits;
     const char* set = std::getenv("DOPPEL_DEVICE_LIMITS");

@@ -8,19 +8,11 @@
 #include <sstream>
 #include <string_view>
 
+#include "engine/instance.h"
+
 namespace doppel {
 
 namespace {
-
-bool hasExtension(VkPhysicalDevice physical, std::string_view name) {
-    uint32_t count = 0;
-    vkEnumerateDeviceExtensionProperties(physical, nullptr, &count, nullptr);
-    std::vector<VkExtensionProperties> extensions(count);
-    vkEnumerateDeviceExtensionProperties(physical, nullptr, &count, extensions.data());
-    return std::ranges::any_of(extensions, [&](const VkExtensionProperties& extension) {
-        return name == extension.extensionName;
-    });
-}
 
 struct TypeName {
     const char* name;

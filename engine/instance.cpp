@@ -25,6 +25,12 @@ VKAPI_ATTR VkBool32 VKAPI_CALL onMessage(VkDebugUtilsMessageSeverityFlagBitsEXT,
     return VK_FALSE;
 }
 
+bool isAmong(std::string_view name, std::span<const VkExtensionProperties> extensions) {
+    return std::ranges::any_of(extensions, [&](const VkExtensionProperties& extension) {
+        return name == extension.extensionName;
+    });
+}
+
 }  // namespace
 
 void separateShaderCaches() {
@@ -109,12 +115,9 @@ bool instancesHave(std::span<const char* const> extensions) {
     uint32_t count = 0;
     VK_CHECK(vkEnumerateInstanceExtensionProperties(nullptr, &count, nullptr));
     std::vector<VkExtensionProperties> there(count);
-    if (count > 0) VK_CHECK(vkEnumerateInstanceExtensionProperties(nullptr, &count, there.data()));
-    return std::ranges::all_of(extensions, [&](std::string_view wanted) {
-        return std::ranges::any_of(there, [&](const VkExtensionProperties& extension) {
-            return wanted == extension.extensionName;
-        });
-    });
+    VK_CHECK(vkEnumerateInstanceExtensionProperties(nullptr, &count, there.data()));
+    return std::ranges::all_of(extensions,
+                               [&](const char* wanted) { return isAmong(wanted, there); });
 }
 
 VkDebugUtilsMessengerEXT createMessenger(VkInstance instance) {
@@ -148,6 +151,14 @@ std::vector<VkPhysicalDevice> physicalDevices(VkInstance instance) {
     if (count > 0) VK_CHECK(vkEnumeratePhysicalDevices(instance, &count, devices.data()));
     devices.resize(count);
     return devices;
+}
+
+bool hasExtension(VkPhysicalDevice physical, std::string_view name) {
+    uint32_t count = 0;
+    vkEnumerateDeviceExtensionProperties(physical, nullptr, &count, nullptr);
+    std::vector<VkExtensionProperties> extensions(count);
+    vkEnumerateDeviceExtensionProperties(physical, nullptr, &count, extensions.data());
+    return isAmong(name, extensions);
 }
 
 }  // namespace doppel

@@ -3,6 +3,7 @@
 
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "engine/vulkan.h"
@@ -33,5 +34,6 @@ VkDebugUtilsMessengerEXT createMessenger(VkInstance instance);
 void destroyInstance(VkInstance instance, VkDebugUtilsMessengerEXT messenger);
 
 std::vector<VkPhysicalDevice> physicalDevices(VkInstance instance);
+bool hasExtension(VkPhysicalDevice physical, std::string_view name);
 
 }  // namespace doppel

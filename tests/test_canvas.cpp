@@ -4,11 +4,15 @@
 #include <gtest/gtest.h>
 #include <imgui/imgui.h>
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <numbers>
 #include <random>
 #include <vector>
+
+#include "view/compose.h"
 
 namespace doppel {
 namespace {
@@ -22,7 +26,18 @@ const FontAtlas kFont{4, 2, kTexels.data()};
 
 class CanvasTest : public testing::Test {
 protected:
-    CanvasTest() : list_(nullptr), pixels_(kWidth * kHeight, kBackground) {}
+    CanvasTest() : list_(nullptr) { cover(kBackground); }
+
+    // The whole layer with one colour.
+    void cover(uint32_t pixel) {
+        layer_.begin(kWidth, kHeight);
+        for (int y = 0; y < kHeight; ++y) std::ranges::fill(layer_.draw(y, {0, kWidth}), pixel);
+    }
+    std::vector<uint32_t> pixels() const {
+        std::vector<uint32_t> all;
+        for (int y = 0; y < kHeight; ++y) std::ranges::copy(layer_.row(y), std::back_inserter(all));
+        return all;
+    }
 
     void vertex(float x, float y, ImU32 colour, ImVec2 uv = kCovered) {
         list_.VtxBuffer.push_back({{x, y}, uv, colour});
@@ -30,7 +45,7 @@ protected:
     void indices(std::initializer_list<ImDrawIdx> values) {
         for (ImDrawIdx value : values) list_.IdxBuffer.push_back(value);
     }
-    void draw(ImVec4 clip = {0, 0, kWidth, kHeight}, bool blueFirst = false, float scale = 1,
+    void draw(ImVec4 clip = {0, 0, kWidth, kHeight}, float scale = 1,
               CanvasImage* image = nullptr) {
         ImDrawCmd command{};
         command.TextureId = image;
@@ -42,7 +57,7 @@ protected:
         data.CmdLists = lists;
         data.CmdListsCount = 1;
         data.FramebufferScale = {scale, scale};
-        drawInterface(data, kFont, {kWidth, kHeight, blueFirst, pixels_});
+        drawInterface(data, kFont, layer_);
         list_.VtxBuffer.clear();
         list_.IdxBuffer.clear();
         list_.CmdBuffer.clear();
@@ -58,11 +73,11 @@ protected:
         else
             indices({1, 2, 0, 2, 3, 0});
     }
-    uint32_t at(int x, int y) const { return pixels_[static_cast<size_t>(y * kWidth + x)]; }
+    uint32_t at(int x, int y) const { return layer_.row(y)[static_cast<size_t>(x)]; }
 
     static constexpr int kWidth = 64, kHeight = 48;
     ImDrawList list_;
-    std::vector<uint32_t> pixels_;
+    InterfaceLayer layer_;
 };
 
 // Pixel by pixel where it is as large as its place, and cut where the clip ends.
@@ -70,7 +85,7 @@ TEST_F(CanvasTest, ImagesFillTheirRectangle) {
     CanvasImage image{3, 2, {1, 2, 3, 4, 5, 6}};
     for (uint32_t& pixel : image.pixels) pixel |= 0xff000000u;
     rectangle({10, 20}, {13, 22}, IM_COL32_WHITE, {0, 0}, {1, 1});
-    draw({0, 0, 12, kHeight}, false, 1, &image);
+    draw({0, 0, 12, kHeight}, 1, &image);
     EXPECT_EQ(at(10, 20), image.pixels[0]);
     EXPECT_EQ(at(11, 20), image.pixels[1]);
     EXPECT_EQ(at(12, 20), kBackground) << "beyond the clip";
@@ -80,7 +95,7 @@ TEST_F(CanvasTest, ImagesFillTheirRectangle) {
     EXPECT_EQ(at(10, 22), kBackground);
     // Twice as large, mirrored.
     rectangle({30, 20}, {36, 24}, IM_COL32_WHITE, {1, 0}, {0, 1});
-    draw({0, 0, kWidth, kHeight}, false, 1, &image);
+    draw({0, 0, kWidth, kHeight}, 1, &image);
     EXPECT_EQ(at(30, 20), image.pixels[2]);
     EXPECT_EQ(at(31, 21), image.pixels[2]);
     EXPECT_EQ(at(35, 23), image.pixels[3]);
@@ -90,7 +105,7 @@ TEST_F(CanvasTest, TrianglesThatShareEdgesCoverEachPixelOnce) {
     std::mt19937 random(7);
     std::uniform_real_distribution<float> shift(-3, 3);
     for (int round = 0; round < 50; ++round) {
-        std::ranges::fill(pixels_, kBackground);
+        cover(kBackground);
         constexpr int kCorners = 9;
         float radius = 18 + shift(random);
         // Corners on pixels' centres, too.
@@ -112,7 +127,7 @@ TEST_F(CanvasTest, TrianglesThatShareEdgesCoverEachPixelOnce) {
         }
         draw();
         int covered = 0;
-        for (uint32_t pixel : pixels_) {
+        for (uint32_t pixel : pixels()) {
             ASSERT_TRUE(pixel == kBackground || pixel == kHalfRedOver) << std::hex << pixel;
             covered += pixel != kBackground;
         }
@@ -127,18 +142,18 @@ TEST_F(CanvasTest, ARectangleIsItsTwoTriangles) {
             ImVec2 from = textured ? ImVec2{0, 0} : kCovered, to = textured ? ImVec2{1, 1} : from;
             std::vector<std::vector<uint32_t>> both;
             for (bool whole : {false, true}) {
-                std::ranges::fill(pixels_, kBackground);
+                cover(kBackground);
                 rectangle({5 + shift, 6 + shift}, {38, 20 + 2 * shift}, 0xc010f080, from, to,
                           whole);
                 draw();
-                both.push_back(pixels_);
+                both.push_back(pixels());
             }
-            for (size_t i = 0; i < pixels_.size(); ++i)
+            for (size_t i = 0; i < both[0].size(); ++i)
                 for (int byte = 0; byte < 4; ++byte)
                     EXPECT_NEAR(static_cast<int>(both[0][i] >> 8 * byte & 255),
                                 static_cast<int>(both[1][i] >> 8 * byte & 255), textured ? 2 : 0)
                         << i << " " << shift;
-            EXPECT_NE(both[0], std::vector<uint32_t>(pixels_.size(), kBackground));
+            EXPECT_NE(both[0], std::vector<uint32_t>(both[0].size(), kBackground));
         }
 }
 
@@ -156,22 +171,71 @@ TEST_F(CanvasTest, TexelsAreCoverage) {
     EXPECT_EQ(at(10, 9), kBackground);
     EXPECT_EQ(at(10, 12), kBackground);
     // Between two texels their mean.
-    std::ranges::fill(pixels_, 0xff000000);
+    cover(0xff000000);
     rectangle({10, 10}, {11, 11}, 0xffffffff, {0.5f - 0.125f, 0}, {0.5f + 0.125f, 1});
     draw();
     EXPECT_EQ(at(10, 10), 0xff808080);
 }
 
-TEST_F(CanvasTest, ClipsScalesAndKnowsTheOrderOfColours) {
+TEST_F(CanvasTest, ClipsAndScales) {
     rectangle({2, 3}, {20, 21}, 0xff0000ff, kCovered, kCovered);
-    draw({10, 10, 30, 12}, true, 2);
+    draw({10, 10, 30, 12}, 2);
     for (int y = 0; y < kHeight; ++y)
         for (int x = 0; x < kWidth; ++x)
-            EXPECT_EQ(at(x, y), x >= 20 && x < 40 && y >= 20 && y < 24 ? 0xffff0000 : kBackground);
+            EXPECT_EQ(at(x, y), x >= 20 && x < 40 && y >= 20 && y < 24 ? 0xff0000ff : kBackground);
+}
+
+// Colours times opacity, and what is over what: as over a picture at once.
+TEST_F(CanvasTest, LiesOverPicturesAsItsPartsWould) {
+    std::mt19937 random(3);
+    for (int round = 0; round < 20; ++round) {
+        const ImU32 first = static_cast<ImU32>(random()), second = static_cast<ImU32>(random());
+        const uint32_t picture = static_cast<uint32_t>(random()) | 0xff000000u;
+        std::vector<uint32_t> over;
+        for (uint32_t below : {picture, 0u}) {
+            cover(below);
+            rectangle({4, 4}, {20, 20}, first, kCovered, kCovered);
+            draw();
+            rectangle({10, 10}, {30, 30}, second, kCovered, kCovered);
+            draw();
+            over.push_back(at(15, 15));
+            EXPECT_EQ(at(40, 40), below);
+        }
+        const uint32_t opacity = over[1] >> 24;
+        for (int byte = 0; byte < 3; ++byte)
+            EXPECT_LE(over[1] >> 8 * byte & 255, opacity) << "it is times the opacity";
+        const uint32_t laid = composed(picture, over[1], 0);
+        for (int byte = 0; byte < 4; ++byte)
+            EXPECT_NEAR(static_cast<int>(laid >> 8 * byte & 255),
+                        static_cast<int>(over[0] >> 8 * byte & 255), 2)
+                << round;
+        EXPECT_EQ(composed(picture, over[1], 1),
+                  (laid & 0xff00ff00u) | (laid & 255) << 16 | (laid >> 16 & 255));
+    }
+}
+
+TEST_F(CanvasTest, KnowsWhatHasChanged) {
+    layer_.begin(kWidth, kHeight);
+    EXPECT_EQ(layer_.changed(), (PixelBox{0, 0, kWidth, kHeight})) << "what covered it is gone";
+    const auto frame = [&](ImVec2 a, ImVec2 c, ImU32 colour) {
+        layer_.begin(kWidth, kHeight);
+        rectangle({2, 3}, {6, 7}, kHalfRed, kCovered, kCovered);
+        draw();
+        rectangle(a, c, colour, kCovered, kCovered, false);
+        draw();
+        return layer_.changed();
+    };
+    EXPECT_EQ(frame({10, 12}, {15, 14}, kHalfRed), (PixelBox{2, 3, 13, 11}));
+    EXPECT_EQ(frame({10, 12}, {15, 14}, kHalfRed), PixelBox{});
+    EXPECT_EQ(frame({10, 12}, {15, 14}, 0xff00ff00), (PixelBox{10, 12, 5, 2}));
+    EXPECT_EQ(frame({40, 30}, {44, 31}, 0xff00ff00), (PixelBox{10, 12, 34, 19}));
+    EXPECT_EQ(frame({41, 30}, {44, 31}, 0xff00ff00), (PixelBox{40, 30, 1, 1}));
+    layer_.begin(kWidth + 1, kHeight);
+    EXPECT_EQ(layer_.changed(), (PixelBox{0, 0, kWidth + 1, kHeight})) << "of another size";
 }
 
 TEST_F(CanvasTest, ColoursRunEvenlyBetweenCorners) {
-    std::ranges::fill(pixels_, 0xff000000);
+    cover(0xff000000);
     vertex(0, 0, 0x00ffffff);
     vertex(51, 0, 0xffffffff);
     vertex(51, 40, 0xffffffff);

@@ -293,7 +293,7 @@ TEST_F(LookTest, AQuestionDimsWhatIsBehindIt) {
     for (Theme theme : {Theme::Dark, Theme::Light}) {
         Viewer& viewer = openAt(700, 500, 1, theme);
         const auto brightness = [&] {
-            const Canvas& drawn = viewer.window().drawn();
+            const Canvas drawn = viewer.window().drawn();
             return drawn.row(20)[20] & 0xff;
         };
         viewer.settings().figures = false;

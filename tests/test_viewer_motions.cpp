@@ -203,7 +203,7 @@ TEST(Backdrop, ADifferenceShowsThePersonWhereTheAvatarIsNot) {
     const std::vector<uint32_t> front = backdropPixels(4, 2, source);
     source.marksPerson = true;
     std::vector<uint32_t> picture = backdropPixels(4, 2, source);
-    putInFront(picture, front, {.as = Backdrop::Difference}, true);
+    putInFront(picture, front, {.as = Backdrop::Difference});
     for (size_t i = 0; i < 8; ++i)
         EXPECT_EQ(picture[i], frame.mask[i] ? 0xff808080u : 0xff000000u) << i;
 }
@@ -390,7 +390,7 @@ TEST_F(ViewerTest, NothingDisturbsAFilm) {
     // What was drawn last is in the corner: dark, while the window is white by now.
     await("a picture in the corner", [&] {
         turn(1);
-        const Canvas& drawn = viewer.window().drawn();
+        const Canvas drawn = viewer.window().drawn();
         const Pane& pane = viewer.panes().back();
         const auto at = [&](int x, int y) { return drawn.row(y)[static_cast<size_t>(x)] & 0xff; };
         return !viewer.working() || (at(pane.width - 20, 20) < 120 && at(40, 200) > 250);

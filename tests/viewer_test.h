@@ -231,7 +231,7 @@ protected:
     // The panes, once the screen shows what the window has drawn.
     Image picture() {
         const Pane& last = viewer_->panes().back();
-        const Canvas& drawn = viewer_->window().drawn();
+        const Canvas drawn = viewer_->window().drawn();
         Image image(last.x + last.width, last.height, 3);
         for (int y = 0; y < image.height; ++y)
             for (int x = 0; x < image.width; ++x)

@@ -100,7 +100,7 @@ Take Viewer::readForPlaying(const fs::path& path, const std::string& frames) {
             // Upright, and where the avatar stands before it moves.
             motion = inCameraSpace(std::move(motion));
             source = inCameraSpace(std::move(source));
-            const Trans place = restShot(device_, avatar_->avatar, 512).trans;
+            const Trans place = restShot(*device_, avatar_->avatar, 512).trans;
             for (Motion* placed : {&motion, &source}) {
                 const Trans first = placed->trans[0];
                 for (Trans& trans : placed->trans)
@@ -377,12 +377,12 @@ void Viewer::saveScreenshot(const fs::path& path) {
     const std::vector<Pane>& panes = shown_->panes;
     Image image(panes.back().x + panes.back().width, panes[0].height, 3);
     for (size_t i = 0; i < panes.size(); ++i) {
-        const uint32_t* word = seen(i).data();
+        const std::vector<uint32_t> pixels = seen(i);
+        const uint32_t* word = pixels.data();
         for (int y = 0; y < panes[i].height; ++y)
             for (int x = 0; x < panes[i].width; ++x, ++word)
                 for (int c = 0; c < 3; ++c)
-                    image.pixel(panes[i].x + x, y)[window_.blueFirst() ? 2 - c : c] =
-                        static_cast<uint8_t>(*word >> 8 * c);
+                    image.pixel(panes[i].x + x, y)[c] = static_cast<uint8_t>(*word >> 8 * c);
     }
     writeImage(path, image);
     say(fmt::format("picture in {}", path.string()));

@@ -85,13 +85,12 @@ void Viewer::drawBookmarks() {
 void Viewer::usePosePictures() {
     const double scale = window_.unit() * window_.scale();
     const ImVec4 behind = ImGui::GetStyleColorVec4(ImGuiCol_FrameBg);
-    posePictures_.use(
-        {.betas = editor_->betas(),
-         .width = static_cast<int>(std::lround(kWidth * scale)),
-         .height = static_cast<int>(std::lround(kHeight * scale)),
-         .behind = {behind.x, behind.y, behind.z},
-         .shade = {.paint = static_cast<uint32_t>(avatar_->textured ? kPaintTexture : kPaintClay),
-                   .blueFirst = window_.blueFirst()}});
+    posePictures_.use({.betas = editor_->betas(),
+                       .width = static_cast<int>(std::lround(kWidth * scale)),
+                       .height = static_cast<int>(std::lround(kHeight * scale)),
+                       .behind = {behind.x, behind.y, behind.z},
+                       .shade = {.paint = static_cast<uint32_t>(avatar_->textured ? kPaintTexture
+                                                                                  : kPaintClay)}});
     poseDrawn_ = false;
 }
 

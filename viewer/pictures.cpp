@@ -28,6 +28,23 @@ std::vector<uint32_t> partOfView(std::span<const uint32_t> view, const Pane& pan
     return part;
 }
 
+void place(const Pane& pane, const PanePicture& picture, std::vector<PlacedPicture>& placed) {
+    const auto add = [&](const PixelBox& box) -> PlacedPicture& {
+        return placed.emplace_back(
+            PlacedPicture{pane.x + box.x, pane.y + box.y, box.width, box.height, {}, {}, {}});
+    };
+    const PixelBox whole{0, 0, pane.width, pane.height};
+    if (!picture.onDevice) {
+        add(whole).pixels = picture.inFront.empty() ? picture.pixels : picture.inFront;
+        return;
+    }
+    const PictureOnDevice& there = *picture.onDevice;
+    PlacedPicture& background = add(whole);
+    background.pixels = *there.background;
+    background.unchanging = there.background;
+    if (there.drawn) add(there.box).onDevice = there.drawn;
+}
+
 int Viewer::panelWidth() const {
     if (!settings_.panel) return 0;
     // A narrow window is not all panel.
@@ -140,9 +157,7 @@ glm::dvec3 Viewer::jointOnScreen(size_t joint) const {
     return {(at.x + pane.x) / scale, (at.y + pane.y) / scale, at.z};
 }
 
-// Of the view that the pane is a part of.
-std::span<const uint32_t> Viewer::backgroundOf(Pane pane) {
-    pane.width = pane.viewWidth;
+Pixels Viewer::backgroundOf(const Pane& pane) {
     const bool frames = showsFrames();
     bool picture = settings_.backdrop == Backdrop::Picture && !backdropPicture_.empty();
     std::array<uint8_t, 3> colour{};
@@ -150,27 +165,34 @@ std::span<const uint32_t> Viewer::backgroundOf(Pane pane) {
         colour[c] =
             static_cast<uint8_t>(std::lround(255 * std::clamp(settings_.colour[c], 0.0f, 1.0f)));
     int64_t frame = frames ? static_cast<int64_t>(frameNow()) : -1;
-    BackgroundKey key{pane.width,
+    BackgroundKey key{pane.viewWidth,
                       pane.height,
                       frame,
                       int64_t{packed(colour)},
                       picture ? static_cast<int64_t>(backdropVersion_) : -1,
                       static_cast<int64_t>(settings_.backdrop)};
-    if (key == backgroundKey_) return background_;
-    backgroundKey_ = key;
-    std::shared_ptr<const Picture> own;
-    try {
-        if (frames) own = capture()->frames->load(static_cast<size_t>(frame));
-    } catch (const std::exception& error) {
-        if (message() != error.what()) say(error.what(), true);
+    if (key != backgroundKey_) {
+        backgroundKey_ = key;
+        std::shared_ptr<const Picture> own;
+        try {
+            if (frames) own = capture()->frames->load(static_cast<size_t>(frame));
+        } catch (const std::exception& error) {
+            if (message() != error.what()) say(error.what(), true);
+        }
+        BackdropSource source{settings_.colour, picture ? &backdropPicture_ : nullptr, own.get()};
+        const auto pixels = [&] { return backdropPixels(pane.viewWidth, pane.height, source); };
+        frame_.clear();
+        if (own) frame_ = pixels();
+        source.marksPerson = settings_.backdrop == Backdrop::Difference;
+        background_ = std::make_shared<const std::vector<uint32_t>>(
+            own && !source.marksPerson ? frame_ : pixels());
     }
-    BackdropSource source{settings_.colour, picture ? &backdropPicture_ : nullptr, own.get()};
-    frame_.clear();
-    if (own) frame_ = backdropPixels(pane.width, pane.height, source);
-    source.marksPerson = settings_.backdrop == Backdrop::Difference;
-    background_ =
-        own && !source.marksPerson ? frame_ : backdropPixels(pane.width, pane.height, source);
-    return background_;
+    if (pane.width == pane.viewWidth) return background_;
+    BackgroundPart& part = backgroundParts_[pane.x];
+    if (part.of != background_ || part.pane != pane)
+        part = {background_, pane,
+                std::make_shared<const std::vector<uint32_t>>(partOfView(*background_, pane))};
+    return part.part;
 }
 
 void Viewer::showFrames() {
@@ -181,32 +203,37 @@ FrameInFront Viewer::frameInFront() const {
     return {settings_.backdrop, settings_.frameOpacity, settings_.differenceTimes};
 }
 
+bool Viewer::framesInFront() const {
+    return settings_.backdrop > Backdrop::Capture && showsFrames() && !frame_.empty();
+}
+
 // Over the pane's picture, which stays as it was drawn for the next one to build on.
 void Viewer::putFrameInFront(size_t i) {
-    std::vector<uint32_t>& picture = inFront_[i];
-    picture.clear();
-    if (settings_.backdrop <= Backdrop::Capture || !showsFrames() || frame_.empty()) return;
-    picture = pixels_[i];
-    putInFront(picture, partOfView(frame_, panes_[i]), frameInFront(), window_.blueFirst());
+    PanePicture& picture = panePictures_[i];
+    picture.inFront.clear();
+    if (!framesInFront()) return;
+    picture.inFront = picture.pixels;
+    putInFront(picture.inFront, partOfView(frame_, panes_[i]), frameInFront());
+}
+
+std::vector<uint32_t> Viewer::seen(size_t i) const {
+    const PanePicture& picture = panePictures_[i];
+    if (picture.onDevice) return onHost(*device_, *picture.onDevice, shown_->panes[i].width);
+    return picture.inFront.empty() ? picture.pixels : picture.inFront;
 }
 
 // The background with the floor and ghosts. The scene has the pose that is shown.
-std::span<const uint32_t> Viewer::behind(const Pane& pane) {
-    std::span<const uint32_t> background = backgroundOf(pane);
-    if (pane.width != pane.viewWidth) {
-        std::vector<uint32_t>& part = backgroundParts_[pane.x];
-        part = partOfView(background, pane);
-        background = part;
-    }
+Pixels Viewer::behind(const Pane& pane) {
+    const Pixels background = backgroundOf(pane);
     Behind now{editor_->pose(), editor_->betas(), pane, cameraOf(pane),
                view(),          backgroundKey_,   {},   ghosts(timeline_)};
     if (settings_.floor) now.floor = worldToFloor();
     now.others = others_.version();
     if (settings_.split == Split::Together) now.apart = settings_.apart;
     if (!now.floor && now.ghosts.empty()) return background;
-    auto& [drawn, pixels] = behind_[pane.x];
-    if (drawn == now && pixels.size() == background.size()) return pixels;
-    pixels.assign(background.begin(), background.end());
+    auto& [drawn, known] = behind_[pane.x];
+    if (known && drawn == now && known->size() == background->size()) return known;
+    std::vector<uint32_t> pixels = *background;
     if (now.floor) {
         std::vector<FloorBody> bodies{
             {scene_->vertices(pane.mesh, now.view), avatar_->avatar.body.faces}};
@@ -221,18 +248,18 @@ std::span<const uint32_t> Viewer::behind(const Pane& pane) {
         scene_->setPose(thetaOf(now.pose), transOf(now.pose), now.betas);
     }
     drawn = std::move(now);
-    return pixels;
+    known = std::make_shared<const std::vector<uint32_t>>(std::move(pixels));
+    return known;
 }
 
 // With the others of a row as well, and how far away they are; no depths without.
-std::span<const uint32_t> Viewer::behind(const Pane& pane, std::optional<int> refinement,
-                                         std::vector<float>& depths) {
-    const std::span<const uint32_t> background = behind(pane);
+Pixels Viewer::behind(const Pane& pane, std::optional<int> refinement, std::vector<float>& depths) {
+    const Pixels background = behind(pane);
     if (settings_.split != Split::Together) return background;
-    row_.assign(background.begin(), background.end());
-    depths.assign(row_.size(), INFINITY);
-    drawOthers(pane, refinement, row_, depths);
-    return row_;
+    std::vector<uint32_t> row = *background;
+    depths.assign(row.size(), INFINITY);
+    drawOthers(pane, refinement, row, depths);
+    return std::make_shared<const std::vector<uint32_t>>(std::move(row));
 }
 
 ShadeOptions Viewer::shadeOptions(const Pane& pane) const {
@@ -245,7 +272,6 @@ ShadeOptions Viewer::shadeOptions(const Pane& pane) const {
                   -level * std::cos(settings_.lampYaw)};
     shade.ambient = settings_.ambient;
     shade.inset = settings_.atlas ? std::min(pane.width, pane.height) / 3 : 0;
-    shade.blueFirst = window_.blueFirst();
     return shade;
 }
 
@@ -291,21 +317,7 @@ void Viewer::updatePictures() {
         movingSamples_.rested();
         // Ghosts may have left another.
         setPoses(now);
-        for (size_t i = 0; i < panes_.size(); ++i) {
-            const Pane& pane = panes_[i];
-            if (pane.other == Pane::kSource) {
-                drawSource(i, refinements_);
-                continue;
-            }
-            if (!pane.other) useTexture(pane.texture);
-            std::vector<float> depths;
-            const std::span<const uint32_t> background = behind(pane, refinements_, depths);
-            pixels_[i] =
-                sceneOf(pane).refine(pane.mesh, cameraOf(pane), view(), shadeOptions(pane),
-                                     background, static_cast<int>(i), refinements_,
-                                     std::move(pixels_[i]), depths.empty() ? nullptr : &depths);
-            putFrameInFront(i);
-        }
+        drawPanes(refinements_);
         ++refinements_;
         framesToDraw_ = std::max(framesToDraw_, 1);
         return;
@@ -313,32 +325,55 @@ void Viewer::updatePictures() {
 
     auto before = Clock::now();
     setPoses(now);
-    pixels_.resize(panes_.size());
-    inFront_.resize(panes_.size());
+    panePictures_.resize(panes_.size());
     for (const Pane& pane : panes_) sceneOf(pane).prepare(pane.mesh);
     times_.pose = millisecondsSince(before);
     before = Clock::now();
-    const int samples = movingSamples_.now();
-    for (size_t i = 0; i < panes_.size(); ++i) {
-        const Pane& pane = panes_[i];
-        if (pane.other == Pane::kSource) {
-            drawSource(i, {});
-            continue;
-        }
-        if (!pane.other) useTexture(pane.texture);
-        std::vector<float> depths;
-        const std::span<const uint32_t> background = behind(pane, {}, depths);
-        pixels_[i] =
-            sceneOf(pane).draw(pane.mesh, cameraOf(pane), view(), shadeOptions(pane), background,
-                               samples, std::move(pixels_[i]), depths.empty() ? nullptr : &depths);
-        putFrameInFront(i);
-    }
+    drawPanes({});
     times_.draw = millisecondsSince(before);
     movingSamples_.drawn(times_.draw);
     shown_ = std::move(now);
     refinements_ = 0;
     ++pictures_;
     framesToDraw_ = std::max(framesToDraw_, 1);
+}
+
+void Viewer::drawPanes(std::optional<int> refinement) {
+    for (size_t i = 0; i < panes_.size(); ++i) {
+        const Pane& pane = panes_[i];
+        if (pane.other == Pane::kSource) {
+            drawSource(i, refinement);
+            continue;
+        }
+        if (!pane.other) useTexture(pane.texture);
+        std::vector<float> depths;
+        const Pixels background = behind(pane, refinement, depths);
+        drawPane(i, sceneOf(pane), pane.mesh, shadeOptions(pane), background, refinement,
+                 depths.empty() ? nullptr : &depths);
+        if (!panePictures_[i].onDevice) putFrameInFront(i);
+    }
+}
+
+// A picture that the host goes on with is drawn there: a row of avatars by their depths, and one
+// with a frame in front.
+void Viewer::drawPane(size_t i, Scene& scene, MeshKind mesh, const ShadeOptions& shade,
+                      const Pixels& background, std::optional<int> refinement,
+                      std::vector<float>* depths) {
+    const Camera camera = cameraOf(panes_[i]);
+    const int place = static_cast<int>(i), samples = movingSamples_.now();
+    PanePicture& picture = panePictures_[i];
+    if (window_.directly() && !depths && !framesInFront()) {
+        picture = {{},
+                   {},
+                   scene.drawOnDevice(mesh, camera, view(), shade, background, place, samples,
+                                      refinement)};
+        return;
+    }
+    picture.onDevice.reset();
+    picture.pixels = refinement ? scene.refine(mesh, camera, view(), shade, *background, place,
+                                               *refinement, std::move(picture.pixels), depths)
+                                : scene.draw(mesh, camera, view(), shade, *background, samples,
+                                             std::move(picture.pixels), depths);
 }
 
 // Gives the scene this texture, unless it has it.

@@ -21,6 +21,14 @@ namespace {
 constexpr double kSettleSeconds = 0.15;  // without input, before the picture becomes finer
 constexpr size_t kMostMessages = 200;
 
+// That computes the pictures, and shows them, too, where it shall and can.
+std::shared_ptr<Device> openDevice(DeviceOptions options, Window& window) {
+    options.surfaceExtensions = window.surfaceExtensions();
+    auto device = std::make_shared<Device>(std::move(options));
+    window.present(presentsDirectly(device->info()) ? device : nullptr);
+    return device;
+}
+
 }  // namespace
 
 Viewer::Viewer(const ViewerOptions& options)
@@ -35,8 +43,8 @@ Viewer::Viewer(const ViewerOptions& options)
            std::clamp(options.scale.value_or(preferences_.scale), kSmallestScale, kLargestScale),
            options.theme.value_or(preferences_.theme),
            {}}),
-      device_(options.device),
-      movingSamples_(options.smoothWithin.value_or(device_.info().cpu ? 0 : 5)),
+      device_(openDevice(options.device, window_)),
+      movingSamples_(options.smoothWithin.value_or(device_->info().cpu ? 0 : 5)),
       library_(options.state.empty() ? fs::path() : options.state / "poses"),
       recovery_(options.state) {
     openKeys();
@@ -48,7 +56,7 @@ Viewer::Viewer(const ViewerOptions& options)
     settings_.texture = bestTexture();
     if (!avatar_->textured) settings_.paint = kPaintClay;
 
-    Shot rest = restShot(device_, avatar_->avatar, 512);
+    Shot rest = restShot(*device_, avatar_->avatar, 512);
     editor_ = std::make_unique<PoseEditor>(poseOf(rest.theta, rest.trans), avatar_->avatar.betas);
     if (!options.motion.empty()) loadMotion(options.motion, options.frames);
     if (!options.pose.empty()) pastePose(options.pose);
@@ -68,7 +76,7 @@ void Viewer::useAvatar(std::shared_ptr<LoadedAvatar> avatar) {
     scene_.reset();
     avatar_ = std::move(avatar);
     const Avatar& now = avatar_->avatar;
-    scene_ = std::make_unique<Scene>(device_, now);
+    scene_ = std::make_unique<Scene>(*device_, now);
     painter_ = std::make_unique<Painter>(now, options_.device, [] { glfwPostEmptyEvent(); });
     // Until the networks have painted the view: what comes closest.
     const std::vector<float>& baked = now.bakedTexture.empty() ? now.texture : now.bakedTexture;
@@ -249,10 +257,8 @@ bool Viewer::frame() {
     drawHelp();
     drawQuestion();
     std::vector<PlacedPicture> placed;
-    for (size_t i = 0; shown_ && i < pixels_.size(); ++i) {
-        const Pane& pane = shown_->panes[i];
-        placed.push_back({pane.x, pane.y, pane.width, pane.height, seen(i)});
-    }
+    for (size_t i = 0; shown_ && i < panePictures_.size(); ++i)
+        place(shown_->panes[i], panePictures_[i], placed);
     if (const auto preview = filmPreview()) {
         placed.push_back(*preview);
         drawFilmPreview(*preview);

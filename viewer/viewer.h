@@ -110,7 +110,7 @@ public:
     // How many refinements the picture is the mean of, of kRefinements; 0: drawn while it moved.
     int refinements() const { return refinements_; }
     // What has computed pictures so far; for tests.
-    const Device& device() const { return device_; }
+    const Device& device() const { return *device_; }
     int64_t frameCount() const;  // of the timeline
     double timeline() const { return timeline_; }
     // Milliseconds of the latest picture's stages.
@@ -316,18 +316,21 @@ private:
     // Behind the avatar, unless they are seen otherwise.
     void showFrames();
     FrameInFront frameInFront() const;
-    std::span<const uint32_t> backgroundOf(Pane pane);
+    Pixels backgroundOf(const Pane& pane);
+    bool framesInFront() const;
     void putFrameInFront(size_t pane);
     // Of a pane as the window shows it.
-    std::span<const uint32_t> seen(size_t pane) const {
-        return inFront_[pane].empty() ? pixels_[pane] : inFront_[pane];
-    }
-    std::span<const uint32_t> behind(const Pane& pane);
-    std::span<const uint32_t> behind(const Pane& pane, std::optional<int> refinement,
-                                     std::vector<float>& depths);
+    std::vector<uint32_t> seen(size_t pane) const;
+    Pixels behind(const Pane& pane);
+    Pixels behind(const Pane& pane, std::optional<int> refinement, std::vector<float>& depths);
     ShadeOptions shadeOptions(const Pane& pane) const;
     Shown wanted() const;
     void updatePictures();
+    void drawPanes(std::optional<int> refinement);
+    // The pane's picture, where the window wants it.
+    void drawPane(size_t i, Scene& scene, MeshKind mesh, const ShadeOptions& shade,
+                  const Pixels& background, std::optional<int> refinement,
+                  std::vector<float>* depths = nullptr);
     bool refines() const;
     void useTexture(TextureKind kind);
     void updateTextures();
@@ -485,9 +488,9 @@ private:
     Preferences preferences_;
     double uiScale_ = 1;
     Window window_;
-    Device device_;
+    std::shared_ptr<Device> device_;
     std::unique_ptr<Scene> scene_;
-    Company others_{device_};
+    Company others_{*device_};
     std::unique_ptr<SourceBody> sourceBody_;
     Mixer mixer_;
     std::shared_ptr<LoadedAvatar> unmixed_;  // the avatar without what others give; null: as it is
@@ -502,9 +505,7 @@ private:
 
     // The pictures as they are shown.
     std::vector<Pane> panes_;
-    std::vector<std::vector<uint32_t>> pixels_;  // per pane
-    // With a capture's frame in front of them; empty: without.
-    std::vector<std::vector<uint32_t>> inFront_;
+    std::vector<PanePicture> panePictures_;
     std::optional<Shown> shown_;
     uint64_t pictures_ = 0;
     MovingSamples movingSamples_;
@@ -526,10 +527,15 @@ private:
     // Backgrounds.
     Image backdropPicture_;
     uint64_t backdropVersion_ = 1;
-    std::vector<uint32_t> background_;
+    Pixels background_;            // of a view
     std::vector<uint32_t> frame_;  // the capture's, of the background's size; empty: none is seen
-    std::map<int, std::vector<uint32_t>> backgroundParts_;  // by the pane's x
-    std::vector<uint32_t> row_;                             // of avatars, and what is behind them
+    // What a pane shows of it.
+    struct BackgroundPart {
+        Pixels of;
+        Pane pane;
+        Pixels part;
+    };
+    std::map<int, BackgroundPart> backgroundParts_;  // by the pane's x
     using BackgroundKey = std::array<int64_t, 6>;
     BackgroundKey backgroundKey_{-1, -1, -1, -1, -1, -1};
     // The floor: from the poses' world, y up. Nothing where the motion's feet stand nowhere.
@@ -556,7 +562,7 @@ private:
         std::optional<double> apart;  // of a row
         bool operator==(const Behind&) const = default;
     };
-    std::map<int, std::pair<Behind, std::vector<uint32_t>>> behind_;  // by the pane's x
+    std::map<int, std::pair<Behind, Pixels>> behind_;  // by the pane's x
     std::vector<OpenCapture> captures_;
     const Motion* motionSeen_ = nullptr;  // of the last turn; undo may bring another one
     std::vector<OpenedMotion> motions_;

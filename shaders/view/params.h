@@ -7,8 +7,7 @@ SHARED_BEGIN
 struct ShadeParams {
     uint width, height;  // of the picture
     uint textureSize;
-    uint inset;      // side of the atlas shown in the lower right corner, pixels; 0: none
-    uint blueFirst;  // 1: bytes of a pixel are B, G, R, A
+    uint inset;  // side of the atlas shown in the lower right corner, pixels; 0: none
     Divisor byWidth;
 };
 struct LayerParams {
@@ -17,6 +16,16 @@ struct LayerParams {
 };
 struct AccumulateParams {
     uint pixels;
+};
+// A box of a frame.
+struct ComposeParams {
+    uint x, y;  // of the box in the frame
+    uint pixels;
+    Divisor byWidth;  // of the box
+    uint frameWidth;
+    uint pictureWidth;  // 0: of one colour, which is opaque
+    uint colour;
+    uint blueFirst;  // 1: the frame's bytes are B, G, R, A
 };
 // What the surface is painted with.
 const uint kPaintTexture = 0;

@@ -160,7 +160,6 @@ ENTRY(forward) {
         uint i = min(spans.d[1 + min(k / kSpan, last)] + k % kSpan, pixels - 1);
         uint y = quotient(i, params.byWidth), x = remainder(i, y, params.byWidth);
         vec3 behind = unpackUnorm4x8(background.d[i]).rgb, colour = vec3(0);
-        if (params.blueFirst != 0) behind = behind.bgr;
         for (uint n = 0; n < samples * samples; ++n) {
             uint row = y * samples + n / samples, column = x * samples + n % samples;
             int face = faceAt(row * params.width * samples + column);
@@ -168,7 +167,6 @@ ENTRY(forward) {
             colour += face < 0 ? behind : own;
         }
         colour /= float(samples * samples);
-        if (params.blueFirst != 0) colour = colour.bgr;
         picture.d[i] = packUnorm4x8(vec4(colour, 1));
     }
 }
@@ -179,7 +177,6 @@ ENTRY(inset) {
     if (i >= side * side) return;
     uint x = i % side, y = i / side;
     vec3 colour = paintAt(vec2(x + 0.5, y + 0.5) / float(side));
-    if (params.blueFirst != 0) colour = colour.bgr;
     picture.d[(params.height - side + y) * params.width + params.width - side + x] =
         packUnorm4x8(vec4(colour, 1));
 }

@@ -78,7 +78,6 @@ void Viewer::drawOthers(const Pane& pane, std::optional<int> refinement,
                         std::vector<uint32_t>& pixels, std::vector<float>& depths) {
     ShadeOptions shade = shadeOptions(pane);
     shade.inset = 0;
-    shade.blueFirst = false;
     constexpr int kPlace = 0;
     for (size_t i = 0; i < others_.size(); ++i) {
         const MeshKind mesh = others_[i].mesh(pane.mesh);

@@ -38,22 +38,17 @@ std::vector<uint32_t> Viewer::sourceFrame(const Pane& pane) {
         if (message() != error.what()) say(error.what(), true);
     }
     const BackdropSource source{.colour = settings_.colour, .frame = frame.get()};
-    std::vector<uint32_t> pixels =
-        partOfView(backdropPixels(pane.viewWidth, pane.height, source), pane);
-    if (window_.blueFirst())
-        for (uint32_t& word : pixels)
-            word = (word & 0xff00ff00u) | (word & 0xffu) << 16 | (word >> 16 & 0xffu);
-    return pixels;
+    return partOfView(backdropPixels(pane.viewWidth, pane.height, source), pane);
 }
 
 void Viewer::drawSource(size_t i, std::optional<int> refinement) {
     const Pane& pane = panes_[i];
-    inFront_[i].clear();
     if (capture()) {
-        if (!refinement) pixels_[i] = sourceFrame(pane);
+        if (!refinement) panePictures_[i] = {.pixels = sourceFrame(pane)};
         return;
     }
-    if (!sourceBody_) sourceBody_ = std::make_unique<SourceBody>(device_);
+    panePictures_[i].inFront.clear();
+    if (!sourceBody_) sourceBody_ = std::make_unique<SourceBody>(*device_);
     Scene& scene = sourceBody_->scene();
     const Motion& source = *openedMotion()->source;
     const size_t frame = std::min(frameNow(), source.size() - 1);
@@ -63,11 +58,7 @@ void Viewer::drawSource(size_t i, std::optional<int> refinement) {
     ShadeOptions clay = shadeOptions(pane);
     clay.paint = kPaintClay;
     clay.inset = 0;
-    const std::vector<uint32_t> background = partOfView(backgroundOf(pane), pane);
-    pixels_[i] = refinement ? scene.refine(MeshKind::Body, cameraOf(pane), view(), clay, background,
-                                           static_cast<int>(i), *refinement, std::move(pixels_[i]))
-                            : scene.draw(MeshKind::Body, cameraOf(pane), view(), clay, background,
-                                         movingSamples_.now(), std::move(pixels_[i]));
+    drawPane(i, scene, MeshKind::Body, clay, backgroundOf(pane), refinement);
 }
 
 }  // namespace doppel

@@ -167,7 +167,7 @@ void FilmThread::draw() {
             drawGhosts(scene, frame.ghosts, plan_.betas, frame.camera, frame.view, behind);
             takePose();
             std::vector<uint32_t> picture = drawn(behind);
-            if (!front.empty()) putInFront(picture, front, plan_.front, false);
+            if (!front.empty()) putInFront(picture, front, plan_.front);
             image = asImage(picture, width, height);
         }
         plan_.pictures ? plan_.pictures->add(image) : writeImage(plan_.out, image);

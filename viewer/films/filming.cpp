@@ -106,7 +106,6 @@ FilmPlan Viewer::filmPlan(const fs::path& out, const FilmSettings& settings) {
                   .clear = settings.clear,
                   .colour = settings_.colour,
                   .line = floorLine()};
-    plan.shade.blueFirst = false;
     const bool captured = showsFrames() && !settings.turntable;
     if (captured) plan.capture = capture()->capture;
     plan.front = frameInFront();
@@ -206,12 +205,11 @@ std::optional<PlacedPicture> Viewer::filmPreview() {
     filmPixels_.resize(small.data.size() / 3);
     for (size_t i = 0; i < filmPixels_.size(); ++i) {
         uint32_t word = 0xff000000u;
-        for (size_t c = 0; c < 3; ++c)
-            word |= uint32_t{small.data[3 * i + (window_.blueFirst() ? 2 - c : c)]} << 8 * c;
+        for (size_t c = 0; c < 3; ++c) word |= uint32_t{small.data[3 * i + c]} << 8 * c;
         filmPixels_[i] = word;
     }
     const int edge = static_cast<int>(8 * unit);
-    return PlacedPicture{wide - width - edge, edge, width, height, filmPixels_};
+    return PlacedPicture{wide - width - edge, edge, width, height, filmPixels_, {}, {}};
 }
 
 // A frame around it, and how far it is.

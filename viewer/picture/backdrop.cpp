@@ -54,17 +54,16 @@ std::vector<uint32_t> backdropPixels(int width, int height, const BackdropSource
 }
 
 void putInFront(std::span<uint32_t> picture, std::span<const uint32_t> frame,
-                const FrameInFront& how, bool blueFirst) {
+                const FrameInFront& how) {
     CHECK(picture.size() == frame.size(), "the frame is as large as the picture");
     for (size_t i = 0; i < picture.size(); ++i) {
         uint32_t word = picture[i] & 0xff000000u;
         for (size_t c = 0; c < 3; ++c) {
-            const size_t at = 8 * (blueFirst ? 2 - c : c);
-            const int own = int(picture[i] >> at & 0xff), other = int(frame[i] >> 8 * c & 0xff);
+            const int own = int(picture[i] >> 8 * c & 0xff), other = int(frame[i] >> 8 * c & 0xff);
             const int made = how.as == Backdrop::Difference
                                  ? std::min(255, how.times * std::abs(own - other))
                                  : int(std::lround(std::lerp(own, other, how.opacity)));
-            word |= static_cast<uint32_t>(made) << at;
+            word |= static_cast<uint32_t>(made) << 8 * c;
         }
         picture[i] = word;
     }

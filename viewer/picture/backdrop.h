@@ -36,8 +36,8 @@ struct FrameInFront {
     double opacity = .5;
     int times = 1;
 };
-// frame: of R, G, B, A and the picture's size. blueFirst: of the picture.
+// frame: of the picture's size.
 void putInFront(std::span<uint32_t> picture, std::span<const uint32_t> frame,
-                const FrameInFront& how, bool blueFirst);
+                const FrameInFront& how);
 
 }  // namespace doppel

@@ -2,11 +2,13 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "trainer/avatar/avatar.h"
 #include "viewer/picture/scene.h"
+#include "viewer/window/frame.h"
 
 namespace doppel {
 
@@ -24,6 +26,15 @@ struct Pane {
     TextureKind texture = TextureKind::Coarse;
     bool operator==(const Pane&) const = default;
 };
+
+// A pane's picture [height,width], R, G, B, A.
+struct PanePicture {
+    std::vector<uint32_t> pixels;   // as it was drawn
+    std::vector<uint32_t> inFront;  // with a capture's frame in front of it; empty: without
+    std::optional<PictureOnDevice> onDevice;  // instead of both, where the device presents it
+};
+// Adds it to what a window shows. It lives until that is drawn.
+void place(const Pane& pane, const PanePicture& picture, std::vector<PlacedPicture>& placed);
 
 // Of the pixels [height,viewWidth] of a whole view those that the pane shows.
 std::vector<uint32_t> partOfView(std::span<const uint32_t> view, const Pane& pane);

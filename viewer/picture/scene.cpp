@@ -25,6 +25,12 @@ std::array<float, 3> axisAngle(const glm::dmat3& rotation) {
 
 }  // namespace
 
+// Of a row of a box in a picture [H,width].
+static size_t placeOf(const PixelBox& box, int row, int width) {
+    return static_cast<size_t>(box.y + row) * static_cast<size_t>(width) +
+           static_cast<size_t>(box.x);
+}
+
 // Pose in (what the last one has moved is computed); vertices and normals in the world out, in
 // memory that drawings read. Normals have a graph of their own: a texture without a light needs
 // none.
@@ -102,7 +108,10 @@ struct Scene::Drawing {
     Tensor behindDepths, depths;  // where there are others
     int taken = 0;                // refinements that are in the mean
     std::vector<int32_t> behind;  // as written to background
-    std::vector<uint32_t> drawn;  // as read from picture
+    Pixels behindOf;              // of which it is this box, where pixels do not change
+    PixelBox behindBox;
+    std::vector<uint32_t> drawn;           // as read from picture
+    std::shared_ptr<const Buffer> result;  // the picture, where it stays
 
     Drawing(Device& device, const Avatar& avatar, const Posing& posing, const Buffer& texture,
             const DrawingKey& key)
@@ -128,10 +137,20 @@ struct Scene::Drawing {
             Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
             map = visibilityMap(graph, mesh, verts, rasterAtlas(graph, uvs, body.uvFaces), size);
         }
-        picture = graph.temporary({key.height, key.width}, ElementType::I32);
+        const Shape size2{key.height, key.width};
+        const bool stays = key.pane != kNoPlace, accumulates = key.place != kNoPlace;
+        if (stays)
+            result = std::make_shared<const Buffer>(
+                device.allocate(4 * static_cast<uint64_t>(elementCount(size2)), Memory::Device));
+        const auto shownPicture = [&] {
+            return stays ? graph.attach({result.get(), 0, 4 * uint64_t(elementCount(size2))}, size2,
+                                        ElementType::I32)
+                         : graph.temporary(size2, ElementType::I32);
+        };
+        picture = accumulates ? graph.temporary(size2, ElementType::I32) : shownPicture();
         Tensor marks = marksOf(avatar), corners = cornerUvs(body);
-        ShadeParams params{u32(key.width), u32(key.height),         u32(size),
-                           u32(key.inset), key.blueFirst ? 1u : 0u, divisorOf(u32(key.width))};
+        ShadeParams params{u32(key.width), u32(key.height), u32(size), u32(key.inset),
+                           divisorOf(u32(key.width))};
         Specialisation spec{{"paint", key.paint},
                             {"light", key.light},
                             {"wireframe", key.wireframe ? 1u : 0u},
@@ -175,11 +194,11 @@ struct Scene::Drawing {
             graph.dispatch("view/shade.inset",
                            {{"tex", tex}, {"visibility", map}, {"picture", picture}}, params,
                            uint64_t{u32(key.inset)} * u32(key.inset), spec);
-        if (key.place != kNoPlace) {
+        if (accumulates) {
             count = graph.input({1});
             Tensor sums = graph.temporary({3, key.height, key.width});
             graph.keep(sums);
-            Tensor mean = graph.temporary(picture.shape, ElementType::I32);
+            Tensor mean = shownPicture();
             AccumulateParams all{u32(picture.elements())};
             graph.beginOp("accumulate");
             graph.dispatch("view/accumulate.forward",
@@ -187,8 +206,23 @@ struct Scene::Drawing {
                            all, all.pixels);
             picture = mean;
         }
-        graph.output(picture);
+        if (!stays) graph.output(picture);
         graph.compile();
+    }
+
+    // The box of a picture [H,width] is behind what is drawn next.
+    void putBehind(std::span<const uint32_t> pixels, const PixelBox& box, int width) {
+        const auto wide = static_cast<size_t>(box.width);
+        bool changed = behind.size() != static_cast<size_t>(box.area());
+        behind.resize(static_cast<size_t>(box.area()));
+        for (int y = 0; y < box.height; ++y) {
+            int32_t* known = &behind[static_cast<size_t>(y) * wide];
+            const uint32_t* now = &pixels[placeOf(box, y, width)];
+            if (std::memcmp(known, now, 4 * wide) == 0) continue;
+            std::memcpy(known, now, 4 * wide);
+            changed = true;
+        }
+        if (changed) graph.write(background, behind);
     }
 
     // [F,2,4] so that a face's UVs are two loads.
@@ -286,12 +320,6 @@ Scene::Drawing& Scene::drawing(const DrawingKey& key, const Posing& posing) {
     return *drawings_.front().second;
 }
 
-struct PixelBox {
-    int x = 0, y = 0, width = 0, height = 0;
-
-    int64_t area() const { return int64_t{width} * height; }
-};
-
 glm::dvec2 refinementShift(int refinement) {
     static_assert(kRefinements == 16);
     // Points k and 15 - k of the set mirror each other; the sixteenths are renumbered so that the
@@ -357,16 +385,6 @@ PixelBox boxOf(std::span<const float> verts, const Camera& camera, const ViewTra
     Bounds bounds;
     for (size_t i = 0; i < verts.size(); i += 3) bounds.add(&verts[i], camera, view);
     return around(bounds, camera);
-}
-
-// Pixels of R, G, B, A as the picture has them.
-void copyPixels(std::span<const uint32_t> from, uint32_t* to, bool blueFirst) {
-    if (!blueFirst) {
-        std::ranges::copy(from, to);
-        return;
-    }
-    for (uint32_t word : from)
-        *to++ = (word & 0xff00ff00u) | (word & 0xffu) << 16 | (word >> 16 & 0xffu);
 }
 
 // Of the faces with a vertex that is not where it was, before and now; rings: 2 takes the faces
@@ -437,12 +455,10 @@ std::vector<uint32_t> Scene::draw(MeshKind mesh, const Camera& camera, const Vie
     if (onLast) {
         for (int y = 0; y < box.height; ++y) {
             size_t at = static_cast<size_t>(box.y + y) * width + static_cast<size_t>(box.x);
-            copyPixels(background.subspan(at, static_cast<size_t>(box.width)), &picture[at],
-                       options.blueFirst);
+            std::copy_n(&background[at], box.width, &picture[at]);
         }
     } else {
-        picture.resize(background.size());
-        copyPixels(background, picture.data(), options.blueFirst);
+        picture.assign(background.begin(), background.end());
     }
     drawBox(box, mesh, camera, view, options, samples, picture, depths);
     if (depths) {
@@ -469,8 +485,7 @@ std::vector<uint32_t> Scene::refine(MeshKind mesh, const Camera& camera, const V
     const ShadeOptions options = shown(asked);
     if (!hasRefinedMesh()) mesh = MeshKind::Body;
     std::vector<uint32_t> picture = std::move(reused);
-    picture.resize(background.size());
-    copyPixels(background, picture.data(), options.blueFirst);
+    picture.assign(background.begin(), background.end());
     // Of the camera that is not shifted, so that all are of one size; it has a pixel to spare.
     PixelBox box = boxOf(posed(mesh).hostVerts, camera, view, options);
     drawBox(box, mesh, camera, view, options, 1, picture, depths, place, refinement);
@@ -478,17 +493,14 @@ std::vector<uint32_t> Scene::refine(MeshKind mesh, const Camera& camera, const V
     return picture;
 }
 
-void Scene::drawBox(const PixelBox& box, MeshKind mesh, const Camera& camera,
-                    const ViewTransform& view, const ShadeOptions& options, int samples,
-                    std::vector<uint32_t>& picture, std::vector<float>* depths, int place,
-                    int refinement) {
-    if (box.area() == 0) return;
+Scene::Drawing& Scene::aimed(const PixelBox& box, MeshKind mesh, const Camera& camera,
+                             const ViewTransform& view, const ShadeOptions& options, int samples,
+                             bool layered, int place, int refinement, int pane) {
     Posing& posing = posed(mesh);
     if (needsNormals(options)) posing.findNormals();
-    Drawing& d =
-        drawing({place, mesh, box.width, box.height, samples, options.paint, options.light,
-                 options.wireframe, options.blueFirst, insetOf(options, camera), depths != nullptr},
-                posing);
+    Drawing& d = drawing({place, mesh, box.width, box.height, samples, options.paint, options.light,
+                          options.wireframe, insetOf(options, camera), layered, pane},
+                         posing);
     auto f = [](double value) { return static_cast<float>(value); };
     glm::dvec3 lamp = glm::normalize(options.lamp);
     const glm::dmat3& r = view.rotation;  // columns first
@@ -515,39 +527,71 @@ void Scene::drawBox(const PixelBox& box, MeshKind mesh, const Camera& camera,
     raster.cx = f(samples * centre.x), raster.cy = f(samples * centre.y);
     d.graph.write(d.camera, cameraValues(raster));
 
-    const auto width = static_cast<size_t>(camera.width), wide = static_cast<size_t>(box.width);
-    auto placeOf = [&](int y) {
-        return static_cast<size_t>(box.y + y) * width + static_cast<size_t>(box.x);
-    };
-    auto pixels = static_cast<size_t>(box.area());
-    bool changed = d.behind.size() != pixels;
-    d.behind.resize(pixels);
-    d.drawn.resize(pixels);
-    for (int y = 0; y < box.height; ++y) {
-        int32_t* known = &d.behind[static_cast<size_t>(y) * wide];
-        const uint32_t* now = &picture[placeOf(y)];
-        if (std::memcmp(known, now, 4 * wide) == 0) continue;
-        std::memcpy(known, now, 4 * wide);
-        changed = true;
-    }
-    if (changed) d.graph.write(d.background, d.behind);
+    return d;
+}
+
+void Scene::drawBox(const PixelBox& box, MeshKind mesh, const Camera& camera,
+                    const ViewTransform& view, const ShadeOptions& options, int samples,
+                    std::vector<uint32_t>& picture, std::vector<float>* depths, int place,
+                    int refinement) {
+    if (box.area() == 0) return;
+    Drawing& d = aimed(box, mesh, camera, view, options, samples, depths != nullptr, place,
+                       refinement, kNoPlace);
+    d.putBehind(picture, box, camera.width);
+    const auto pixels = static_cast<size_t>(box.area()), wide = static_cast<size_t>(box.width);
     std::vector<float> near;
     if (depths) {
         CHECK(depths->size() == picture.size(), "a depth for each pixel");
         near.resize(pixels);
         for (int y = 0; y < box.height; ++y)
-            std::copy_n(depths->data() + placeOf(y), wide, &near[static_cast<size_t>(y) * wide]);
+            std::copy_n(depths->data() + placeOf(box, y, camera.width), wide,
+                        &near[static_cast<size_t>(y) * wide]);
         d.graph.write(d.behindDepths, std::span<const float>(near));
     }
     d.graph.run();
+    d.drawn.resize(pixels);
     d.graph.read(d.picture, std::span(d.drawn));
     if (depths) {
         d.graph.read(d.depths, std::span(near));
         for (int y = 0; y < box.height; ++y)
-            std::copy_n(&near[static_cast<size_t>(y) * wide], wide, depths->data() + placeOf(y));
+            std::copy_n(&near[static_cast<size_t>(y) * wide], wide,
+                        depths->data() + placeOf(box, y, camera.width));
     }
     for (int y = 0; y < box.height; ++y)
-        std::copy_n(&d.drawn[static_cast<size_t>(y) * wide], wide, &picture[placeOf(y)]);
+        std::copy_n(&d.drawn[static_cast<size_t>(y) * wide], wide,
+                    &picture[placeOf(box, y, camera.width)]);
+}
+
+PictureOnDevice Scene::drawOnDevice(MeshKind mesh, const Camera& camera, const ViewTransform& view,
+                                    const ShadeOptions& asked, const Pixels& background, int pane,
+                                    int samples, std::optional<int> refinement) {
+    const ShadeOptions options = shown(asked);
+    if (!hasRefinedMesh()) mesh = MeshKind::Body;
+    drawn_.reset();
+    const PixelBox box = boxOf(posed(mesh).hostVerts, camera, view, options);
+    if (box.area() == 0) return {background, box, nullptr};
+    Drawing& d = aimed(box, mesh, camera, view, options, refinement ? 1 : samples, false,
+                       refinement ? pane : kNoPlace, refinement.value_or(0), pane);
+    if (d.behindOf != background || d.behindBox != box) {
+        d.putBehind(*background, box, camera.width);
+        d.behindOf = background;
+        d.behindBox = box;
+    }
+    d.graph.run();  // whose time says how many samples the next picture has
+    return {background, box, d.result};
+}
+
+std::vector<uint32_t> onHost(Device& device, const PictureOnDevice& picture, int width) {
+    std::vector<uint32_t> pixels = *picture.background;
+    if (!picture.drawn) return pixels;
+    const PixelBox& box = picture.box;
+    std::vector<uint32_t> drawn(static_cast<size_t>(box.area()));
+    device.download({picture.drawn.get(), 0, picture.drawn->bytes()},
+                    std::as_writable_bytes(std::span(drawn)));
+    for (int y = 0; y < box.height; ++y)
+        std::copy_n(&drawn[static_cast<size_t>(y) * static_cast<size_t>(box.width)], box.width,
+                    &pixels[placeOf(box, y, width)]);
+    return pixels;
 }
 
 std::vector<float> Scene::vertices(MeshKind mesh) { return posed(mesh).hostVerts; }

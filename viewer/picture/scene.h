@@ -7,6 +7,7 @@
 #include <list>
 #include <map>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -14,6 +15,7 @@
 #include "trainer/avatar/avatar.h"
 #include "trainer/data/camera.h"
 #include "view/params.h"
+#include "viewer/window/canvas.h"
 
 namespace doppel {
 
@@ -36,12 +38,9 @@ struct ShadeOptions {
     bool wireframe = false;
     glm::dvec3 lamp{-0.4, -0.6, -0.7};  // towards it, camera space
     double ambient = 0.35;
-    int inset = 0;           // side of the atlas in the lower right corner, pixels; 0: none
-    bool blueFirst = false;  // bytes of a pixel: B, G, R, A instead of R, G, B, A
+    int inset = 0;  // side of the atlas in the lower right corner, pixels; 0: none
     bool operator==(const ShadeOptions&) const = default;
 };
-
-struct PixelBox;
 
 // A resting scene is seen through this many cameras, each shifted by parts of a pixel.
 constexpr int kRefinements = 16;
@@ -50,6 +49,19 @@ constexpr int kRefinements = 16;
 // squares. A point and its mirror follow one another, so that what has been added up is centred and
 // the picture does not wander while it becomes finer; the first is the centre but for 1/32.
 glm::dvec2 refinementShift(int refinement);
+
+// Pixels [H,W] of R, G, B, A that nobody changes: the same pointer stands for the same pixels.
+using Pixels = std::shared_ptr<const std::vector<uint32_t>>;
+
+// A picture that has stayed where it was computed.
+struct PictureOnDevice {
+    Pixels background;  // [H,W], seen around the box
+    PixelBox box;
+    std::shared_ptr<const Buffer>
+        drawn;  // [box.height,box.width] as pixels; null: the box is empty
+};
+// It here.
+std::vector<uint32_t> onHost(Device& device, const PictureOnDevice& picture, int width);
 
 class Scene {
 public:
@@ -67,7 +79,7 @@ public:
     // Computes the mesh now, if its pose has changed, and not when it is drawn.
     void prepare(MeshKind mesh) { posed(mesh); }
 
-    // Pixels [H,W] of four bytes. background: the same; samples: per pixel and axis, averaged. Only
+    // Pixels [H,W] of R, G, B, A. background: the same; samples: per pixel and axis, averaged. Only
     // the rectangle around the avatar is computed, the rest is the background. reused: the last
     // picture as it was returned, or other memory; of the last picture only the rectangle around
     // the faces that have moved is computed again, where nothing else has changed. depths [H,W]:
@@ -87,6 +99,13 @@ public:
                                  int place, int refinement, std::vector<uint32_t> reused = {},
                                  std::vector<float>* depths = nullptr);
 
+    // What draw() returns, or with a refinement what refine() does, of the same bytes, and on the
+    // device. pane: a number per picture that is shown at one time, whose picture before this one
+    // is lost.
+    PictureOnDevice drawOnDevice(MeshKind mesh, const Camera& camera, const ViewTransform& view,
+                                 const ShadeOptions& options, const Pixels& background, int pane,
+                                 int samples, std::optional<int> refinement = {});
+
     // [V,3] as it is posed now: world, and camera space.
     std::vector<float> vertices(MeshKind mesh);
     std::vector<float> vertices(MeshKind mesh, const ViewTransform& view);
@@ -105,15 +124,20 @@ private:
         MeshKind mesh;
         int width, height, samples;
         uint32_t paint, light;
-        bool wireframe, blueFirst;
+        bool wireframe;
         int inset;
         bool layered;  // over others, with depths
+        int pane;      // whose picture stays on the device, or kNoPlace: the host reads it
         bool operator==(const DrawingKey&) const = default;
     };
     static constexpr int kNoPlace = -1;
     Drawing& drawing(const DrawingKey& key, const Posing& posing);
     // The options with the light that this avatar shows.
     ShadeOptions shown(ShadeOptions options) const;
+    // The drawing of a box of the picture, with all that it shows but what is behind.
+    Drawing& aimed(const PixelBox& box, MeshKind mesh, const Camera& camera,
+                   const ViewTransform& view, const ShadeOptions& options, int samples,
+                   bool layered, int place, int refinement, int pane);
     // Draws this part of the picture, where the background is.
     void drawBox(const PixelBox& box, MeshKind mesh, const Camera& camera,
                  const ViewTransform& view, const ShadeOptions& options, int samples,

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 namespace doppel {
 
@@ -15,32 +16,33 @@ constexpr float kFarthest = 1 << 20;  // pixels; products of two positions fit i
 
 int64_t floorDivided(int64_t a, int64_t b) { return a / b - (a % b != 0 && (a < 0) != (b < 0)); }
 
-// The colour over the pixel, both bytes of a pair at once; opacity in [0,255].
+// The colour over the pixel of a layer, both bytes of a pair at once; opacity in [0,255]. The
+// pixel's own opacity grows as a colour of 255 does.
 uint32_t over(uint32_t pixel, uint32_t colour, uint32_t opacity) {
     auto mixed = [opacity](uint32_t below, uint32_t above) {
         uint32_t sum = (above & 0xff00ff) * opacity + (below & 0xff00ff) * (255 - opacity) +
                        0x800080;  // a half of 255, and now the division by it
         return (sum + (sum >> 8 & 0xff00ff)) >> 8 & 0xff00ff;
     };
-    return mixed(pixel, colour) | mixed(pixel >> 8, colour >> 8) << 8 | 0xff000000u;
+    return mixed(pixel, colour) | mixed(pixel >> 8, (colour >> 8 & 0xff) | 0xff0000) << 8;
 }
 
 // A corner in framebuffer pixels.
 struct Corner {
     float x, y, u, v;
-    uint32_t colour;  // in the canvas' order, opacity above
+    uint32_t colour;  // R, G, B, opacity
 };
 
 class Rasterizer {
 public:
-    Rasterizer(const Canvas& canvas, const FontAtlas& font) : canvas_(canvas), font_(font) {}
+    Rasterizer(InterfaceLayer& layer, const FontAtlas& font) : layer_(layer), font_(font) {}
 
     // What is outside of this rectangle stays as it is.
     void clip(float left, float top, float right, float bottom) {
-        left_ = static_cast<int>(std::clamp(left, 0.0f, static_cast<float>(canvas_.width)));
-        top_ = static_cast<int>(std::clamp(top, 0.0f, static_cast<float>(canvas_.height)));
-        right_ = static_cast<int>(std::clamp(right, 0.0f, static_cast<float>(canvas_.width)));
-        bottom_ = static_cast<int>(std::clamp(bottom, 0.0f, static_cast<float>(canvas_.height)));
+        left_ = static_cast<int>(std::clamp(left, 0.0f, static_cast<float>(layer_.width())));
+        top_ = static_cast<int>(std::clamp(top, 0.0f, static_cast<float>(layer_.height())));
+        right_ = static_cast<int>(std::clamp(right, 0.0f, static_cast<float>(layer_.width())));
+        bottom_ = static_cast<int>(std::clamp(bottom, 0.0f, static_cast<float>(layer_.height())));
     }
 
     // Upright, of one colour: letters, and most of what is filled. a: top left, c: bottom right.
@@ -51,7 +53,7 @@ public:
         uint32_t whole = coverage(a.u, a.v);
         float du = (c.u - a.u) / (c.x - a.x), dv = (c.v - a.v) / (c.y - a.y);
         for (int y = y0; y < y1; ++y) {
-            std::span<uint32_t> row = canvas_.row(y);
+            std::span<uint32_t> row = layer_.draw(y, {x0, x1});
             float v = a.v + dv * (static_cast<float>(y) + 0.5f - a.y);
             if (flat) {
                 fill(row, x0, x1, a.colour, whole);
@@ -73,7 +75,7 @@ public:
                 std::clamp(static_cast<int>(part * static_cast<float>(size)), 0, size - 1));
         };
         for (int y = y0; y < y1; ++y) {
-            const std::span<uint32_t> row = canvas_.row(y);
+            const std::span<uint32_t> row = layer_.draw(y, {x0, x1});
             const size_t line =
                 nearest(std::lerp(a.v, c.v, (static_cast<float>(y) + .5f - a.y) / (c.y - a.y)),
                         image.height) *
@@ -130,11 +132,12 @@ public:
                     to = from;
             }
             if (from >= to) continue;
-            std::span<uint32_t> pixels = canvas_.row(row);
+            const InterfaceLayer::Stretch columns{static_cast<int>(from), static_cast<int>(to)};
+            std::span<uint32_t> pixels = layer_.draw(row, columns);
             if (flat)
-                fill(pixels, static_cast<int>(from), static_cast<int>(to), a.colour, whole);
+                fill(pixels, columns.from, columns.to, a.colour, whole);
             else
-                shade(pixels, row, static_cast<int>(from), static_cast<int>(to), gradient);
+                shade(pixels, row, columns.from, columns.to, gradient);
         }
     }
 
@@ -229,7 +232,7 @@ private:
         return static_cast<uint32_t>(upper * (256 - fy) + lower * fy + 32768) >> 16;
     }
 
-    Canvas canvas_;
+    InterfaceLayer& layer_;
     FontAtlas font_;
     int left_ = 0, top_ = 0, right_ = 0, bottom_ = 0;
 };
@@ -248,15 +251,61 @@ bool isRectangle(const ImDrawIdx* index, const ImDrawVert* vertex) {
 
 }  // namespace
 
-void drawInterface(const ImDrawData& data, const FontAtlas& font, const Canvas& canvas) {
-    Rasterizer rasterizer(canvas, font);
+void InterfaceLayer::begin(int width, int height) {
+    resized_ = width != width_ || height != height_;
+    if (resized_) {
+        width_ = width, height_ = height;
+        for (Frame* frame : {&now_, &before_}) {
+            frame->pixels.assign(static_cast<size_t>(width) * static_cast<size_t>(height), 0);
+            frame->drawn.assign(static_cast<size_t>(height), {});
+        }
+        return;
+    }
+    std::swap(now_, before_);
+    for (int y = 0; y < height_; ++y) {
+        const Stretch old = std::exchange(now_.drawn[static_cast<size_t>(y)], {});
+        std::fill_n(now_.pixels.begin() + std::ptrdiff_t{y} * width_ + old.from, old.to - old.from,
+                    0u);
+    }
+}
+
+std::span<uint32_t> InterfaceLayer::draw(int y, Stretch columns) {
+    Stretch& drawn = now_.drawn[static_cast<size_t>(y)];
+    if (columns.from < columns.to)
+        drawn = drawn.from == drawn.to
+                    ? columns
+                    : Stretch{std::min(drawn.from, columns.from), std::max(drawn.to, columns.to)};
+    return std::span(now_.pixels)
+        .subspan(static_cast<size_t>(y) * static_cast<size_t>(width_), static_cast<size_t>(width_));
+}
+
+PixelBox InterfaceLayer::changed() const {
+    if (resized_) return {0, 0, width_, height_};
+    int left = width_, right = 0, top = height_, bottom = 0;
+    for (int y = 0; y < height_; ++y) {
+        const Stretch a = drawn(y), b = before_.drawn[static_cast<size_t>(y)];
+        // An empty one begins at 0, where nothing differs.
+        const int first = std::min(a.from, b.from), last = std::max(a.to, b.to);
+        const std::span<const uint32_t> now = row(y), before = rowOf(before_, y);
+        const auto differs = [&](int x) {
+            return now[static_cast<size_t>(x)] != before[static_cast<size_t>(x)];
+        };
+        int from = first, to = last;
+        while (from < to && !differs(from)) ++from;
+        if (from == to) continue;
+        while (!differs(to - 1)) --to;
+        left = std::min(left, from), right = std::max(right, to);
+        top = std::min(top, y), bottom = y + 1;
+    }
+    return bottom == 0 ? PixelBox{} : PixelBox{left, top, right - left, bottom - top};
+}
+
+void drawInterface(const ImDrawData& data, const FontAtlas& font, InterfaceLayer& layer) {
+    Rasterizer rasterizer(layer, font);
     const ImVec2 origin = data.DisplayPos, scale = data.FramebufferScale;
     auto corner = [&](const ImDrawVert& vertex) {
-        uint32_t colour = vertex.col;
-        if (canvas.blueFirst)
-            colour = (colour & 0xff00ff00u) | (colour >> 16 & 0xff) | (colour & 0xff) << 16;
         return Corner{(vertex.pos.x - origin.x) * scale.x, (vertex.pos.y - origin.y) * scale.y,
-                      vertex.uv.x, vertex.uv.y, colour};
+                      vertex.uv.x, vertex.uv.y, vertex.col};
     };
     for (int n = 0; n < data.CmdListsCount; ++n) {
         const ImDrawList& list = *data.CmdLists[n];

@@ -9,25 +9,27 @@ namespace doppel {
 
 namespace {
 
+bool presents(VkPhysicalDevice physical, uint32_t family, VkSurfaceKHR surface) {
+    VkBool32 can = VK_FALSE;
+    return vkGetPhysicalDeviceSurfaceSupportKHR(physical, family, surface, &can) == VK_SUCCESS &&
+           can == VK_TRUE;
+}
+
 // A queue that copies and presents to the surface; nothing where the device has none.
 std::optional<uint32_t> presentingFamily(VkPhysicalDevice physical, VkSurfaceKHR surface) {
     uint32_t count = 0;
     vkGetPhysicalDeviceQueueFamilyProperties(physical, &count, nullptr);
     std::vector<VkQueueFamilyProperties> families(count);
     vkGetPhysicalDeviceQueueFamilyProperties(physical, &count, families.data());
-    for (uint32_t i = 0; i < count; ++i) {
-        VkBool32 presents = VK_FALSE;
-        if (vkGetPhysicalDeviceSurfaceSupportKHR(physical, i, surface, &presents) != VK_SUCCESS)
-            continue;
+    for (uint32_t i = 0; i < count; ++i)
         // Either kind can copy.
-        if (presents && families[i].queueFlags & (VK_QUEUE_GRAPHICS_BIT | VK_QUEUE_COMPUTE_BIT))
+        if (families[i].queueFlags & (VK_QUEUE_GRAPHICS_BIT | VK_QUEUE_COMPUTE_BIT) &&
+            presents(physical, i, surface))
             return i;
-    }
     return std::nullopt;
 }
 
-// The number of a memory type that the host maps; one that it reads fast where there is one, for
-// blending reads.
+// The number of a memory type that the host maps; one that it caches where there is one.
 uint32_t hostMemory(VkPhysicalDevice physical, uint32_t allowed) {
     VkPhysicalDeviceMemoryProperties memory;
     vkGetPhysicalDeviceMemoryProperties(physical, &memory);
@@ -46,15 +48,21 @@ bool needsAnother(VkResult result) {
 
 }  // namespace
 
-Swapchain::Swapchain(SurfaceSource source, const std::string& wanted) : source_(std::move(source)) {
+Swapchain::Swapchain(SurfaceSource source, Device* composing, const std::string& wanted)
+    : source_(std::move(source)) {
     try {
-        bool validation = validationWanted();
-        instance_ = createInstance(validation, source_.extensions);
-        if (validation) messenger_ = createMessenger(instance_);
-        makeSurface();
-        chooseDevice(wanted);
-        chooseFormat();
-        makeDevice();
+        if (!composing || !share(*composing)) {
+            bool validation = validationWanted();
+            instance_ = createInstance(validation, source_.extensions);
+            if (validation) messenger_ = createMessenger(instance_);
+            makeSurface();
+            chooseDevice(wanted);
+            if (!chooseFormat())
+                throwMachine("{} cannot show pictures of 8 bits per colour in this window",
+                             deviceName_);
+            makeDevice();
+        }
+        makeCommands();
     } catch (...) {
         release();
         throw;
@@ -73,10 +81,33 @@ void Swapchain::release() {
         vkDestroySemaphore(device_, acquired_, nullptr);
         vkDestroyFence(device_, done_, nullptr);
         vkDestroyCommandPool(device_, pool_, nullptr);
-        vkDestroyDevice(device_, nullptr);
+        if (!composing_) vkDestroyDevice(device_, nullptr);
     }
     if (surface_) vkDestroySurfaceKHR(instance_, surface_, nullptr);
-    destroyInstance(instance_, messenger_);
+    if (!composing_) destroyInstance(instance_, messenger_);
+}
+
+// Whether the device presents to the window; else nothing of it is kept.
+bool Swapchain::share(Device& device) {
+    if (!device.hasSwapchains()) return false;
+    composing_ = &device;
+    instance_ = device.instance();
+    physical_ = device.physical();
+    family_ = device.queueFamily();
+    makeSurface();
+    if (!presents(physical_, family_, surface_) || !chooseFormat()) {
+        vkDestroySurfaceKHR(instance_, surface_, nullptr);
+        surface_ = VK_NULL_HANDLE;
+        instance_ = VK_NULL_HANDLE;
+        physical_ = VK_NULL_HANDLE;
+        composing_ = nullptr;
+        return false;
+    }
+    deviceName_ = device.info().name;
+    device_ = device.handle();
+    queue_ = device.queue();
+    queueMutex_ = &device.queueMutex();
+    return true;
 }
 
 void Swapchain::makeSurface() {
@@ -102,8 +133,9 @@ void Swapchain::chooseDevice(const std::string& wanted) {
     if (!physical_) throwMachine("no Vulkan device can draw into this window");
 }
 
-// Colours are sRGB-encoded already, so the format must not encode them again.
-void Swapchain::chooseFormat() {
+// Whether the surface shows 8 bits per colour. They are sRGB-encoded already, so the format must
+// not encode them again.
+bool Swapchain::chooseFormat() {
     uint32_t count = 0;
     VK_CHECK(vkGetPhysicalDeviceSurfaceFormatsKHR(physical_, surface_, &count, nullptr));
     std::vector<VkSurfaceFormatKHR> formats(count);
@@ -112,9 +144,9 @@ void Swapchain::chooseFormat() {
         for (const VkSurfaceFormatKHR& candidate : formats)
             if (candidate.format == wanted) {
                 format_ = candidate;
-                return;
+                return true;
             }
-    throwMachine("{} cannot show pictures of 8 bits per colour in this window", deviceName_);
+    return false;
 }
 
 void Swapchain::makeDevice() {
@@ -131,7 +163,9 @@ void Swapchain::makeDevice() {
     deviceInfo.ppEnabledExtensionNames = &extension;
     VK_CHECK(vkCreateDevice(physical_, &deviceInfo, nullptr, &device_));
     vkGetDeviceQueue(device_, family_, 0, &queue_);
+}
 
+void Swapchain::makeCommands() {
     VkCommandPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO};
     poolInfo.flags = VK_COMMAND_POOL_CREATE_RESET_COMMAND_BUFFER_BIT;
     poolInfo.queueFamilyIndex = family_;
@@ -263,20 +297,18 @@ bool Swapchain::acquire() {
     return false;
 }
 
-Canvas Swapchain::next() {
+bool Swapchain::next() {
     waitForFrame();
-    canvas_ = {};
-    if (!acquire()) return {};
-    size_t pixels = size_t{extent_.width} * extent_.height;
-    reserve(pixels * sizeof(uint32_t));
-    canvas_ = {static_cast<int>(extent_.width),
-               static_cast<int>(extent_.height),
-               blueFirst(),
-               {mapped_, pixels}};
-    return canvas_;
+    return acquire();
 }
 
-void Swapchain::present() {
+Canvas Swapchain::canvas() {
+    const size_t pixels = size_t{extent_.width} * extent_.height;
+    reserve(pixels * sizeof(uint32_t));
+    return {width(), height(), blueFirst(), {mapped_, pixels}};
+}
+
+void Swapchain::present(const Buffer* composed) {
     VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
     begin.flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT;
     VK_CHECK(vkBeginCommandBuffer(commands_, &begin));
@@ -292,7 +324,7 @@ void Swapchain::present() {
     VkBufferImageCopy copy{};
     copy.imageSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1};
     copy.imageExtent = {extent_.width, extent_.height, 1};
-    vkCmdCopyBufferToImage(commands_, staging_, images_[image_],
+    vkCmdCopyBufferToImage(commands_, composed ? composed->handle() : staging_, images_[image_],
                            VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, 1, &copy);
     barrier.srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT;
     barrier.dstAccessMask = 0;
@@ -305,8 +337,9 @@ void Swapchain::present() {
     sending_ = std::async(std::launch::async, [this] { return submit(); });
 }
 
-// A CPU copies before this returns.
+// A CPU copies before this returns. What the device composes is ahead of it in the same queue.
 VkResult Swapchain::submit() {
+    std::lock_guard lock(*queueMutex_);
     VkPipelineStageFlags stage = VK_PIPELINE_STAGE_TRANSFER_BIT;
     VkSubmitInfo submit{VK_STRUCTURE_TYPE_SUBMIT_INFO};
     submit.waitSemaphoreCount = 1;

@@ -1,4 +1,5 @@
-// Brings pictures in memory onto a window's surface: a Vulkan device that copies and presents.
+// Brings frames onto a window's surface. The device that composed them presents them, where it can;
+// else a device of its own, which only copies and presents what the host has composed.
 //
 // It draws nothing, so no shader is compiled: Mesa 25's lavapipe crashes when it compiles fragment
 // shaders for vectors of 512 bits, which the networks like best.
@@ -6,12 +7,13 @@
 
 #include <functional>
 #include <future>
+#include <mutex>
 #include <span>
 #include <string>
 #include <vector>
 
-#include "engine/vulkan.h"
-#include "viewer/window/canvas.h"
+#include "engine/device.h"
+#include "viewer/window/frame.h"
 
 namespace doppel {
 
@@ -24,21 +26,27 @@ struct SurfaceSource {
 
 class Swapchain {
 public:
-    // wanted: part of the name of the device that should present; empty: any. MachineError where
-    // none can.
-    Swapchain(SurfaceSource source, const std::string& wanted);
+    // composing: the device that composes frames, which outlives this, if its queue presents to the
+    // window; null: the host does. wanted: part of the name of the device that else should present;
+    // empty: any. MachineError where none can.
+    Swapchain(SurfaceSource source, Device* composing, const std::string& wanted);
     ~Swapchain();
     Swapchain(const Swapchain&) = delete;
     Swapchain& operator=(const Swapchain&) = delete;
 
-    // Where the next frame is to be drawn; what is there already is of another one. Waits for the
-    // frame before, and throws what went wrong with it. Without pixels where the window has none.
-    Canvas next();
-    // Brings that frame to the screen. A thread does it: a CPU takes milliseconds, in which the
-    // frame after begins.
-    void present();
-    // The frame that was presented last.
-    const Canvas& presented() const { return canvas_; }
+    // The device that composes; null: the host.
+    Device* composing() const { return composing_; }
+
+    // Waits for the frame before, and throws what went wrong with it. False where the window has no
+    // pixels.
+    bool next();
+    int width() const { return static_cast<int>(extent_.width); }
+    int height() const { return static_cast<int>(extent_.height); }
+    // Where the host composes the next frame; what is there already is of another one.
+    Canvas canvas();
+    // Brings that frame to the screen, or one [height,width] that the device composes. A thread
+    // does it: a CPU takes milliseconds, in which the frame after begins.
+    void present(const Buffer* composed = nullptr);
 
     bool blueFirst() const { return format_.format == VK_FORMAT_B8G8R8A8_UNORM; }
     // How often it was made anew.
@@ -47,10 +55,12 @@ public:
     void lose() { stale_ = true; }
 
 private:
+    bool share(Device& device);
     void makeSurface();
     void chooseDevice(const std::string& wanted);
-    void chooseFormat();
+    bool chooseFormat();
     void makeDevice();
+    void makeCommands();
     void make();
     void drop();
     bool acquire();
@@ -60,6 +70,7 @@ private:
     VkResult submit();
 
     SurfaceSource source_;
+    Device* composing_ = nullptr;  // whose instance, device and queue these are; null: own ones
     VkInstance instance_ = VK_NULL_HANDLE;
     VkDebugUtilsMessengerEXT messenger_ = VK_NULL_HANDLE;
     VkSurfaceKHR surface_ = VK_NULL_HANDLE;
@@ -68,6 +79,8 @@ private:
     std::string deviceName_;
     VkDevice device_ = VK_NULL_HANDLE;
     VkQueue queue_ = VK_NULL_HANDLE;
+    std::mutex ownQueue_;
+    std::mutex* queueMutex_ = &ownQueue_;
     VkCommandPool pool_ = VK_NULL_HANDLE;
     VkCommandBuffer commands_ = VK_NULL_HANDLE;
     VkFence done_ = VK_NULL_HANDLE;
@@ -85,10 +98,9 @@ private:
     VkDeviceMemory stagingMemory_ = VK_NULL_HANDLE;
     VkDeviceSize stagingBytes_ = 0;
     uint32_t* mapped_ = nullptr;
-    Canvas canvas_;
 
     uint32_t image_ = 0;             // that is being presented
-    std::future<VkResult> sending_;  // of that image; it has the queue for itself till then
+    std::future<VkResult> sending_;  // of that image
 };
 
 }  // namespace doppel

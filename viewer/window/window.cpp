@@ -10,8 +10,10 @@
 #include <algorithm>
 #include <cfloat>
 #include <cmath>
+#include <cstdlib>
 #include <optional>
 #include <set>
+#include <string_view>
 #include <utility>
 
 #include "viewer/window/icon.h"
@@ -19,6 +21,9 @@
 namespace doppel {
 
 namespace {
+
+// Of the window where it has no picture.
+constexpr uint32_t kLightGrey = 0xffe8e8e8, kDarkGrey = 0xff1e1e1e;
 
 std::string glfwReason() {
     const char* text = nullptr;
@@ -38,36 +43,14 @@ int labelledKey(int key, int scancode) {
     return name[0] >= 'a' && name[0] <= 'z' ? name[0] - 'a' + GLFW_KEY_A : name[0];
 }
 
-// Pictures side by side from the corner leave what is right of them and below; others anything.
-void place(std::span<const PlacedPicture> pictures, const Canvas& canvas, bool light) {
-    int64_t covered = 0;
-    int right = 0, bottom = 0;
-    for (const PlacedPicture& p : pictures) {
-        covered += int64_t{p.width} * p.height;
-        right = std::max(right, p.x + p.width);
-        bottom = std::max(bottom, p.y + p.height);
-    }
-    bool tiled = covered == int64_t{right} * bottom;
-    const uint32_t grey = light ? 0xffe8e8e8 : 0xff1e1e1e;
-    for (int y = 0; y < canvas.height; ++y) {
-        bool beside = tiled && y < bottom;
-        std::ranges::fill(
-            canvas.row(y).subspan(static_cast<size_t>(beside ? std::min(right, canvas.width) : 0)),
-            grey);
-    }
-    for (const PlacedPicture& p : pictures) {
-        // What the window no longer has room for, after it has shrunk, is left out.
-        int width = std::min(p.width, canvas.width - p.x);
-        int height = std::min(p.height, canvas.height - p.y);
-        for (int y = 0; y < height && width > 0; ++y)
-            std::ranges::copy(
-                p.pixels.subspan(static_cast<size_t>(y) * static_cast<size_t>(p.width),
-                                 static_cast<size_t>(width)),
-                canvas.row(p.y + y).begin() + p.x);
-    }
-}
-
 }  // namespace
+
+bool presentsDirectly(const DeviceInfo& info) {
+    const char* set = std::getenv("DOPPEL_PRESENT");
+    const std::string_view wish = set ? set : "";
+    if (wish == "direct" || wish == "host") return wish == "direct";
+    return !info.cpu;
+}
 
 struct Window::Parts {
     GLFWwindow* window = nullptr;
@@ -77,7 +60,12 @@ struct Window::Parts {
     std::vector<std::filesystem::path> dropped;
     bool touched = false;
     bool imguiReady = false;
+    std::string presenter;  // part of its name, where the window has its own
+    std::shared_ptr<Device> device;
     std::optional<Swapchain> swapchain;
+    std::optional<DeviceComposer> composer;  // where the device composes
+    InterfaceLayer layer;
+    Canvas canvas;  // as the host composed it last
 
     // Asked for once per frame: each is a message to the X server and back.
     int wide = 0, high = 0;  // 0 while minimised
@@ -92,7 +80,7 @@ struct Window::Parts {
     void openWindow(const WindowOptions& options);
     void setIcon();
     void listen();
-    void openSwapchain(const std::string& device);
+    void openSwapchain();
     void openImGui();
     void measure();
 };
@@ -148,7 +136,7 @@ void Window::Parts::listen() {
     });
     glfwSetFramebufferSizeCallback(window, [](GLFWwindow* w, int, int) {
         of(w).touched = true;
-        of(w).swapchain->lose();
+        if (of(w).swapchain) of(w).swapchain->lose();
     });
     glfwSetCharCallback(window, [](GLFWwindow* w, unsigned) { of(w).touched = true; });
     glfwSetMouseButtonCallback(window, [](GLFWwindow* w, int, int, int) { of(w).touched = true; });
@@ -165,7 +153,7 @@ void Window::Parts::listen() {
     glfwSetWindowRefreshCallback(window, [](GLFWwindow* w) { of(w).touched = true; });
 }
 
-void Window::Parts::openSwapchain(const std::string& device) {
+void Window::Parts::openSwapchain() {
     uint32_t count = 0;
     const char** extensions = glfwGetRequiredInstanceExtensions(&count);
     swapchain.emplace(
@@ -181,7 +169,8 @@ void Window::Parts::openSwapchain(const std::string& device) {
                     glfwGetFramebufferSize(window, &width, &height);
                     return VkExtent2D{static_cast<uint32_t>(width), static_cast<uint32_t>(height)};
                 }},
-        device);
+        device.get(), presenter);
+    if (swapchain->composing()) composer.emplace(*device);
 }
 
 void Window::Parts::openImGui() {
@@ -213,7 +202,8 @@ Window::Parts::~Parts() {
         if (ImGui::GetIO().BackendPlatformUserData) ImGui_ImplGlfw_Shutdown();
         ImGui::DestroyContext();
     }
-    swapchain.reset();
+    swapchain.reset();  // which waits for what the composer has begun
+    composer.reset();
     if (window) glfwDestroyWindow(window);
     glfwTerminate();
 }
@@ -222,11 +212,24 @@ Window::Window(const WindowOptions& options) : parts_(std::make_unique<Parts>())
     parts_->ownScale = options.scale;
     parts_->theme = options.theme;
     parts_->openWindow(options);
-    parts_->openSwapchain(options.device);
+    parts_->presenter = options.device;
     parts_->openImGui();
 }
 
 Window::~Window() = default;
+
+std::vector<const char*> Window::surfaceExtensions() const {
+    uint32_t count = 0;
+    const char** extensions = glfwGetRequiredInstanceExtensions(&count);
+    return {extensions, extensions + count};
+}
+
+void Window::present(std::shared_ptr<Device> composing) {
+    parts_->device = std::move(composing);
+    parts_->openSwapchain();
+}
+
+bool Window::directly() const { return parts_->composer.has_value(); }
 
 bool Window::begin(double seconds) {
     Parts& p = *parts_;
@@ -254,15 +257,25 @@ void Window::beginFrame() {
 
 void Window::end(std::span<const PlacedPicture> pictures) {
     ImGui::Render();
-    Canvas canvas = parts_->swapchain->next();
-    if (canvas.pixels.empty()) return;
-    place(pictures, canvas, parts_->theme == Theme::Light);
+    Parts& p = *parts_;
+    Swapchain& screen = *p.swapchain;
+    if (!screen.next()) return;
     FontAtlas font;
     unsigned char* texels = nullptr;
     ImGui::GetIO().Fonts->GetTexDataAsAlpha8(&texels, &font.width, &font.height);
     font.texels = texels;
-    drawInterface(*ImGui::GetDrawData(), font, canvas);
-    parts_->swapchain->present();
+    p.layer.begin(screen.width(), screen.height());
+    drawInterface(*ImGui::GetDrawData(), font, p.layer);
+    const std::vector<FramePart> parts =
+        partsOfFrame(pictures, screen.width(), screen.height(),
+                     p.theme == Theme::Light ? kLightGrey : kDarkGrey);
+    if (p.composer) {
+        screen.present(&p.composer->compose(pictures, parts, p.layer, screen.blueFirst()));
+    } else {
+        p.canvas = screen.canvas();
+        compose(parts, p.layer, p.canvas);
+        screen.present();
+    }
 }
 
 bool Window::closed() const { return glfwWindowShouldClose(parts_->window); }
@@ -279,7 +292,6 @@ void Window::setLook(double scale, Theme theme) {
     parts_->theme = theme;
 }
 
-bool Window::blueFirst() const { return parts_->swapchain->blueFirst(); }
 void Window::holdMouse(bool hold) {
     parts_->mouseHeld = hold;
     glfwSetInputMode(parts_->window, GLFW_CURSOR, hold ? GLFW_CURSOR_DISABLED : GLFW_CURSOR_NORMAL);
@@ -303,7 +315,10 @@ void Window::setClipboard(const std::string& text) {
 }
 std::vector<std::filesystem::path> Window::dropped() { return std::exchange(parts_->dropped, {}); }
 int Window::swapchainCount() const { return parts_->swapchain->count(); }
-const Canvas& Window::drawn() const { return parts_->swapchain->presented(); }
+Canvas Window::drawn() const { return directly() ? parts_->composer->read() : parts_->canvas; }
+uint64_t Window::uploadedBytes() const {
+    return directly() ? parts_->composer->uploadedBytes() : parts_->canvas.pixels.size_bytes();
+}
 void Window::loseSwapchain() { parts_->swapchain->lose(); }
 
 }  // namespace doppel

@@ -1,9 +1,8 @@
 // A window: events, and pictures with Dear ImGui over them.
 //
-// It presents with a Vulkan device of its own (viewer/window/swapchain.h). The pictures come from
-// the compute device by way of the host, a megabyte or two per frame, and there Dear ImGui is drawn
-// over them: so whatever happens to the window (another screen, a lost swapchain) the networks do
-// not notice, and the compute device needs no surface.
+// Dear ImGui is drawn by the host as a layer. Either the device that computes the pictures lays it
+// over them and presents, and what it computed stays where it lies; or the host does, and presents
+// with a Vulkan device of the window's own, so that the one that computes needs no surface.
 #pragma once
 
 #include <cstdint>
@@ -14,16 +13,10 @@
 #include <string>
 #include <vector>
 
-#include "viewer/window/canvas.h"
+#include "viewer/window/frame.h"
 #include "viewer/window/look.h"
 
 namespace doppel {
-
-// Four bytes per pixel, in the order that Window::blueFirst() says; placed in framebuffer pixels.
-struct PlacedPicture {
-    int x = 0, y = 0, width = 0, height = 0;
-    std::span<const uint32_t> pixels;
-};
 
 // A key that went down: GLFW's number and modifier bits. Letters and signs are those that the
 // keyboard's layout has on it, as ASCII and GLFW number them both.
@@ -37,16 +30,29 @@ struct WindowOptions {
     int width = 1280, height = 800;  // times the monitor's content scale
     double scale = 1;                // of the interface, besides the monitor's
     Theme theme = Theme::Dark;
-    std::string device;  // part of the name of the device that should present; empty: any
+    std::string device;  // part of the name of the device that should present where the window's
+                         // own does; empty: any
 };
+
+// Whether a device that can present what it computes shall: DOPPEL_PRESENT=direct or =host says it;
+// else a GPU does, and a CPU does not, which copies faster than it composes.
+bool presentsDirectly(const DeviceInfo& info);
 
 class Window {
 public:
-    // MachineError where there is no screen, or no device that can present on it.
+    // MachineError where there is no screen.
     explicit Window(const WindowOptions& options);
     ~Window();
     Window(const Window&) = delete;
     Window& operator=(const Window&) = delete;
+
+    // Of the instance of a device that shall present on it; valid as long as the window.
+    std::vector<const char*> surfaceExtensions() const;
+    // Once, before the first begin(): what end() is given is composed and presented by this device
+    // if it can, which directly() says; else, or without one, by the host. MachineError where no
+    // device can present on the screen.
+    void present(std::shared_ptr<Device> composing);
+    bool directly() const;
 
     // Takes events, at most `seconds` waiting for one; 0 does not wait. False where there is
     // nothing to draw on (minimised, or no size).
@@ -76,7 +82,6 @@ public:
     double unit() const;
     // The interface's own scale and colours from the next frame on.
     void setLook(double scale, Theme theme);
-    bool blueFirst() const;
     // Hides the mouse and lets it go on for ever, as for looking around: Dear ImGui does not see it
     // until it is let go, which puts it back where it was.
     void holdMouse(bool hold);
@@ -94,7 +99,9 @@ public:
     // How often the swapchain was made anew.
     int swapchainCount() const;
     // The whole window as end() drew it last, which the screen shows a moment later.
-    const Canvas& drawn() const;
+    Canvas drawn() const;
+    // That the last frame took from the host's memory to the device that presents.
+    uint64_t uploadedBytes() const;
     // The next frame finds its swapchain lost, as when a screen is unplugged; for tests.
     void loseSwapchain();
 
