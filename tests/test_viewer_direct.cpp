@@ -169,24 +169,9 @@ private:
 
 class DirectTest : public ViewerTest {
 protected:
-    // The whole window as it was drawn, once the screen shows it.
-    std::vector<uint32_t> shown() {
-        const Canvas drawn = viewer_->window().drawn();
-        std::vector<uint32_t> pixels(drawn.pixels.begin(), drawn.pixels.end());
-        await("the screen to show what the window has drawn", [&] {
-            const Image screen = screen_->grab(0, 0, drawn.width, drawn.height);
-            for (size_t i = 0; i < pixels.size(); ++i)
-                for (size_t c = 0; c < 3; ++c)
-                    if (screen.data[3 * i + (drawn.blueFirst ? 2 - c : c)] !=
-                        (pixels[i] >> 8 * c & 255))
-                        return false;
-            return true;
-        });
-        return pixels;
-    }
     // What a function sees of a window, presented either way.
-    void expectSame(const std::function<void(std::vector<std::vector<uint32_t>>&)>& look) {
-        std::vector<std::vector<uint32_t>> seen[2];
+    void expectSame(const std::function<void(std::vector<std::vector<uint8_t>>&)>& look) {
+        std::vector<std::vector<uint8_t>> seen[2];
         for (const char* how : {"host", "direct"}) {
             const Presenting presenting(how);
             const bool direct = std::string_view(how) == "direct";
@@ -203,16 +188,16 @@ protected:
 };
 
 TEST_F(DirectTest, ShowsWhatTheHostWouldShow) {
-    expectSame([&](std::vector<std::vector<uint32_t>>& seen) {
+    expectSame([&](std::vector<std::vector<uint8_t>>& seen) {
         Viewer& viewer = open();
         const auto look = [&] {
             settle();
-            seen.push_back(shown());
+            seen.push_back(window().data);
         };
         look();
         viewer.camera().yaw = .3;
         turn(1);
-        seen.push_back(shown());  // of one sample, while it moves
+        seen.push_back(window().data);  // of one sample, while it moves
         look();
         viewer.settings().floor = true;
         look();
@@ -239,37 +224,37 @@ TEST_F(DirectTest, ShowsWhatTheHostWouldShow) {
         const Image saved = readImage(*folder_ / "seen.png");
         const Pane& pane = viewer.panes().back();
         EXPECT_EQ(saved.width, pane.width);
-        seen.emplace_back(saved.data.begin(), saved.data.end());
+        seen.push_back(saved.data);
     });
 }
 
 TEST_F(DirectTest, ShowsItsPanelAtAnotherScale) {
-    expectSame([&](std::vector<std::vector<uint32_t>>& seen) {
+    expectSame([&](std::vector<std::vector<uint8_t>>& seen) {
         ViewerOptions options;
         options.width = 700, options.height = 620;
         options.scale = 1.5;
         Viewer& viewer = open(options);
         viewer.settings().panel = true;
         settle();
-        seen.push_back(shown());
+        seen.push_back(window().data);
         viewer.settings().theme = Theme::Light;
         viewer.settings().joints = false;
         settle();
-        seen.push_back(shown());
+        seen.push_back(window().data);
     });
 }
 
 // What the host goes on with comes from there: rows of avatars, and a capture's frames.
 TEST_F(DirectTest, ShowsWhatTheHostHasDrawn) {
     writeColouredCapture(*folder_ / "capture", turningMotion(3));
-    expectSame([&](std::vector<std::vector<uint32_t>>& seen) {
+    expectSame([&](std::vector<std::vector<uint8_t>>& seen) {
         ViewerOptions options;
         options.motion = *folder_ / "capture";
         options.beside = {*folder_ / "avatar"};
         Viewer& viewer = open(options);
         const auto look = [&] {
             settle();
-            seen.push_back(shown());
+            seen.push_back(window().data);
         };
         viewer.settings().split = Split::Together;
         look();

@@ -117,6 +117,7 @@ TEST_F(ViewerTest, PosesAreKeptForAllAvatars) {
         const auto item = std::ranges::find(drawnItems(), "pose: " + pose, &DrawnItem::label);
         screen_->move(20, 20);
         settle();
+        window();  // is on the screen
         return screen_->grab(static_cast<int>(item->low.x) + 2, static_cast<int>(item->low.y) + 2,
                              static_cast<int>(item->high.x - item->low.x) - 4,
                              static_cast<int>(item->high.y - item->low.y) - 4);

@@ -228,11 +228,10 @@ protected:
         settle();
         turn(1);  // it waits a quarter of a second for an event
     }
-    // The panes, once the screen shows what the window has drawn.
-    Image picture() {
-        const Pane& last = viewer_->panes().back();
+    // What the window has drawn in its upper left corner, once the screen shows it.
+    Image onScreen(int width, int height) {
         const Canvas drawn = viewer_->window().drawn();
-        Image image(last.x + last.width, last.height, 3);
+        Image image(width, height, 3);
         for (int y = 0; y < image.height; ++y)
             for (int x = 0; x < image.width; ++x)
                 for (int c = 0; c < 3; ++c)
@@ -241,6 +240,12 @@ protected:
         await("the screen to show what the window has drawn",
               [&] { return screen_->grab(0, 0, image.width, image.height).data == image.data; });
         return image;
+    }
+    Image window() { return onScreen(viewer_->window().width(), viewer_->window().height()); }
+    // The panes.
+    Image picture() {
+        const Pane& last = viewer_->panes().back();
+        return onScreen(last.x + last.width, last.height);
     }
 
     static inline Screen* screen_ = nullptr;

@@ -23,8 +23,7 @@ public:
     };
     void use(const Kind& kind);
 
-    // Of the pose under this name. Null: there is none yet, or it is of another
-    // pose.
+    // Of the pose under this name. Null: there is none yet, or it is of another pose.
     const CanvasImage* find(const std::string& name, const Pose& pose) const;
     // Leaves the scene in that pose.
     void draw(const std::string& name, const Pose& pose, Scene& scene);

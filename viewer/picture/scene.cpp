@@ -23,13 +23,13 @@ std::array<float, 3> axisAngle(const glm::dmat3& rotation) {
     return {float(v.x), float(v.y), float(v.z)};
 }
 
-}  // namespace
-
-// Of a row of a box in a picture [H,width].
-static size_t placeOf(const PixelBox& box, int row, int width) {
+// Where a row of a box begins in a picture [H,width].
+size_t placeOf(const PixelBox& box, int row, int width) {
     return static_cast<size_t>(box.y + row) * static_cast<size_t>(width) +
            static_cast<size_t>(box.x);
 }
+
+}  // namespace
 
 // Pose in (what the last one has moved is computed); vertices and normals in the world out, in
 // memory that drawings read. Normals have a graph of their own: a texture without a light needs
@@ -137,17 +137,15 @@ struct Scene::Drawing {
             Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});
             map = visibilityMap(graph, mesh, verts, rasterAtlas(graph, uvs, body.uvFaces), size);
         }
-        const Shape size2{key.height, key.width};
+        const Shape pixels{key.height, key.width};
+        const auto bytes = 4 * static_cast<uint64_t>(elementCount(pixels));
         const bool stays = key.pane != kNoPlace, accumulates = key.place != kNoPlace;
-        if (stays)
-            result = std::make_shared<const Buffer>(
-                device.allocate(4 * static_cast<uint64_t>(elementCount(size2)), Memory::Device));
-        const auto shownPicture = [&] {
-            return stays ? graph.attach({result.get(), 0, 4 * uint64_t(elementCount(size2))}, size2,
-                                        ElementType::I32)
-                         : graph.temporary(size2, ElementType::I32);
+        if (stays) result = std::make_shared<const Buffer>(device.allocate(bytes, Memory::Device));
+        const auto whatIsShown = [&] {
+            return stays ? graph.attach({result.get(), 0, bytes}, pixels, ElementType::I32)
+                         : graph.temporary(pixels, ElementType::I32);
         };
-        picture = accumulates ? graph.temporary(size2, ElementType::I32) : shownPicture();
+        picture = accumulates ? graph.temporary(pixels, ElementType::I32) : whatIsShown();
         Tensor marks = marksOf(avatar), corners = cornerUvs(body);
         ShadeParams params{u32(key.width), u32(key.height), u32(size), u32(key.inset),
                            divisorOf(u32(key.width))};
@@ -198,7 +196,7 @@ struct Scene::Drawing {
             count = graph.input({1});
             Tensor sums = graph.temporary({3, key.height, key.width});
             graph.keep(sums);
-            Tensor mean = shownPicture();
+            Tensor mean = whatIsShown();
             AccumulateParams all{u32(picture.elements())};
             graph.beginOp("accumulate");
             graph.dispatch("view/accumulate.forward",
@@ -433,7 +431,6 @@ std::vector<uint32_t> Scene::draw(MeshKind mesh, const Camera& camera, const Vie
     const ShadeOptions options = shown(asked);
     if (!hasRefinedMesh()) mesh = MeshKind::Body;
     const std::vector<float>& verts = posed(mesh).hostVerts;
-    const auto width = static_cast<size_t>(camera.width);
     std::vector<uint32_t> picture = std::move(reused);
     PixelBox whole = boxOf(verts, camera, view, options), box = whole;
     // What a pixel of the visibility map shows depends on faces elsewhere.
@@ -454,7 +451,7 @@ std::vector<uint32_t> Scene::draw(MeshKind mesh, const Camera& camera, const Vie
     }
     if (onLast) {
         for (int y = 0; y < box.height; ++y) {
-            size_t at = static_cast<size_t>(box.y + y) * width + static_cast<size_t>(box.x);
+            const size_t at = placeOf(box, y, camera.width);
             std::copy_n(&background[at], box.width, &picture[at]);
         }
     } else {
