@@ -22,7 +22,8 @@ from make_body import save_npz
 from makehuman import BODY_VERTICES, Source, macro_weights, parse_faces
 
 # Of some only: `scalp`, dm above the head's joint, where strands lie on the head (lower ones hang
-# before face and neck); `falling_hair`, which lies on neck and back; `skirt`.
+# before face and neck); `falling_hair`, which lies on neck and back; `skirt`; `change`, which alters
+# the pieces on the undressed body before they are put on.
 ACTORS = {
     'woman': {
         'macro': dict(gender=0, age=.52, muscle=.5, weight=.48, height=.52, proportions=.7,
@@ -351,6 +352,8 @@ class Actor:
 
         pieces = {name: Proxy(source, *files, base) for name, files in settings['pieces'].items()}
         brows = Proxy(source, *settings['brows'], base)
+        if 'change' in settings:
+            settings['change'](pieces, body)
 
         worn = [pieces['clothes'], pieces['shoes']]
         hidden = worn[0].hides | worn[1].hides

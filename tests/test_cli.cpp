@@ -177,6 +177,8 @@ TEST(CommandLine, FillsOptions) {
     EXPECT_EQ(run({"demo"}).demo.actor, "woman");
     for (const std::string& actor : actorNames(assetFolder() / "actor"))
         EXPECT_EQ(run({"demo", "--actor", actor}).demo.actor, actor);
+    const std::string file = (assetFolder() / "actor" / "man.npz").string();
+    EXPECT_EQ(run({"demo", "--actor", file}).demo.actor, file);
     EXPECT_EQ(run({"demo"}).demo.size, 512);
     EXPECT_EQ(run({"demo", "--size", "256"}).demo.size, 256);
     EXPECT_EQ(run({"demo", "--size", "63"}).status, 2);

@@ -1,10 +1,12 @@
 // What known people tell of one who is seen from one side: held-out members of the cast, whose
 // other side is known.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <numeric>
 
 #include "engine/error.h"
 #include "nn/body/joint.h"
@@ -28,9 +30,7 @@ const KnownPeople& cast() {
 }
 
 KnownPeople withoutMember(size_t member) {
-    KnownPeople others = cast();
-    others.people.erase(others.people.begin() + ptrdiff_t(member));
-    return others;
+    return readPeople({fmt::format("cast-{}", member)}, body(), "--prior");
 }
 
 // How well a member is seen from where z points (1: from before, -1: from behind).
@@ -99,6 +99,22 @@ TEST(KnownPeople, TheCastIsFiftyPeople) {
             EXPECT_TRUE(person.garments[v] != Garment::Skin || person.heights[v] == 0);
     }
     EXPECT_FALSE(cast().digest.empty());
+}
+
+TEST(KnownPeople, MembersOfTheCastCanBeLeftOut) {
+    const KnownPeople others = readPeople({"cast-7-19-49"}, body(), "--prior");
+    ASSERT_EQ(others.people.size(), 47u);
+    std::vector<size_t> whole(cast().people.size());
+    std::iota(whole.begin(), whole.end(), size_t{0});
+    for (size_t gone : {7u, 19u, 49u}) std::erase(whole, gone);
+    for (size_t k = 0; k < whole.size(); ++k)
+        EXPECT_EQ(others.people[k].colours, cast().people[whole[k]].colours) << k;
+    EXPECT_NE(others.digest, cast().digest);
+    for (const char* word : {"cast-50", "cast-", "cast-x", "cast-1-", "cast7"}) {
+        const std::string said =
+            test::messageOf<InputError>([&] { readPeople({word}, body(), "--prior"); });
+        EXPECT_NE(said.find("--prior"), said.npos) << word;
+    }
 }
 
 TEST(KnownPeople, TellTheBackOfWhoIsSeenFromBefore) {

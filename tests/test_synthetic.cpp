@@ -29,6 +29,27 @@ TEST(ActorNames, AreThoseWithMeshAndPicture) {
     EXPECT_EQ(std::count(cast.begin(), cast.end(), DemoOptions{}.actor), 1);
 }
 
+// Whoever's file is named is recorded as those are who come with the program.
+TEST(Demo, RecordsAnActorOfAFile) {
+    const test::Folder folder;
+    for (const char* kind : {".npz", ".png"})
+        std::filesystem::copy(kFolder / (std::string("man") + kind),
+                              folder / (std::string("me") + kind));
+    auto record = [&](const std::string& actor, const char* out) {
+        DemoOptions options;
+        options.actor = actor;
+        options.out = folder / out;
+        options.size = 64;
+        options.record = true;
+        runDemo(options);
+        return test::bytesOf(options.out / "capture" / "images" / "0000_turn.png");
+    };
+    const std::string named = record("man", "a");
+    EXPECT_FALSE(named.empty());
+    EXPECT_EQ(record((folder / "me.npz").string(), "b"), named);
+    EXPECT_NE(record("woman", "c"), named);
+}
+
 // One vertex of a posed mesh.
 glm::dvec3 at(const std::vector<float>& verts, int vertex) {
     const float* v = verts.data() + 3 * static_cast<size_t>(vertex);

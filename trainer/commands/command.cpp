@@ -71,9 +71,10 @@ void CommandFlags::body(std::string& body) {
 
 void CommandFlags::prior(std::vector<std::string>& from) {
     app_.add_option("--prior", from,
-                    "Who tells what the frames do not show: \"cast\" (fifty synthetic people), "
-                    "avatars, folders of avatars, with commas; or \"none\". Without it the cast, "
-                    "of four frames or fewer")
+                    "Who tells what the frames do not show: \"cast\" (fifty synthetic people; "
+                    "cast-7-19 leaves out members 7 and 19 of 0 to 49), avatars, folders of "
+                    "avatars, with commas; or \"none\". Without it the cast, of four frames or "
+                    "fewer")
         ->delimiter(',')
         ->allow_extra_args(false)  // the next word is another's
         ->type_name("WHO");

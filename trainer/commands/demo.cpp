@@ -63,9 +63,17 @@ void writeContactSheet(Device& device, const Avatar& avatar, const Capture& asGi
     writeImage(path, contactSheet(rows));
 }
 
+// Who comes with the program, or is in a file.
+Actor actorOf(const DemoOptions& options) {
+    const std::filesystem::path folder = assetFolder() / "actor", file = options.actor;
+    return std::ranges::count(actorNames(folder), options.actor) > 0
+               ? readActor(folder, options.actor)
+               : readActor(file.parent_path(), file.stem().string());
+}
+
 // The actor, turning and then moving, in out/capture.
 Capture recordActor(Device& device, const DemoOptions& options) {
-    Actor actor = readActor(assetFolder() / "actor", options.actor);
+    const Actor actor = actorOf(options);
     SyntheticOptions synthetic;
     if (options.lamp) synthetic.light = studioLamp();
     synthetic.size = options.size;
@@ -92,7 +100,7 @@ void filmDemo(const DemoOptions& options) {
     claimFiles(options.out, "demo", {"clip.mp4", "truth"});
     const FolderLock lock(options.out);
     Device device(options.common.deviceOptions());
-    const Actor actor = readActor(assetFolder() / "actor", options.actor);
+    const Actor actor = actorOf(options);
     HandHeldOptions film;
     film.seed = options.common.seed;
     film.still = options.still;
@@ -245,8 +253,10 @@ namespace {
 void declareFlags(CommandFlags& flags, DemoOptions& o) {
     flags.precision();
     flags.path("--out", o.out, "Folder to write")->capture_default_str();
-    flags->add_option("--actor", o.actor, "Who is recorded")
-        ->check(CLI::IsMember(actorNames(assetFolder() / "actor")))
+    flags
+        ->add_option("--actor", o.actor,
+                     "Who is recorded; or an actor's .npz, with its .png beside it (assets/README)")
+        ->check(CLI::IsMember(actorNames(assetFolder() / "actor")) | CLI::ExistingFile)
         ->capture_default_str();
     flags->add_option("--size", o.size, "Of the recording's frames, pixels")
         ->check(CLI::Range(64, 2048))

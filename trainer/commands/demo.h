@@ -12,7 +12,7 @@ namespace doppel {
 struct DemoOptions {
     CommonOptions common;
     std::filesystem::path out = "out/demo";
-    std::string actor = "woman";  // one of actorNames() of assets/actor
+    std::string actor = "woman";  // one of actorNames() of assets/actor, or an .npz
     int size = 512;               // of the recording's frames, pixels
     double clip = 0;              // seconds of a clip to write instead; 0: the whole job
     bool still = false;

@@ -1,7 +1,10 @@
 #include "trainer/stages/prior/people.h"
 
 #include <algorithm>
+#include <charconv>
 #include <filesystem>
+#include <optional>
+#include <string_view>
 
 #include "engine/error.h"
 #include "engine/files/npz.h"
@@ -16,6 +19,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
+constexpr std::string_view kCast = "cast";
 constexpr double kHeightUnit = 5e-4;  // m, of the cast's file
 
 std::vector<KnownPerson> readCast(const BodyModel& body, const std::string& where) {
@@ -45,6 +49,33 @@ std::vector<KnownPerson> readCast(const BodyModel& body, const std::string& wher
         person.heights.push_back(static_cast<float>(kHeightUnit * heights[i]));
     }
     return cast;
+}
+
+// Which of the cast are left out by "cast-7-19"; nothing where a word is not such.
+std::optional<std::vector<size_t>> leftOut(std::string_view word) {
+    if (!word.starts_with(kCast)) return std::nullopt;
+    std::vector<size_t> numbers;
+    for (word.remove_prefix(kCast.size()); !word.empty();) {
+        if (word.front() != '-') return std::nullopt;
+        const char *begin = word.data() + 1, *end = word.data() + word.size();
+        const auto [rest, error] = std::from_chars(begin, end, numbers.emplace_back());
+        if (error != std::errc()) return std::nullopt;
+        word.remove_prefix(static_cast<size_t>(rest - word.data()));
+    }
+    return numbers;
+}
+
+std::vector<KnownPerson> castWithout(const std::vector<size_t>& numbers, const BodyModel& body,
+                                     const std::string& where) {
+    const std::vector<KnownPerson> cast = readCast(body, where);
+    std::vector<KnownPerson> others;
+    for (size_t number : numbers)
+        if (number >= cast.size())
+            throwInput("{}: of the cast's members expected 0 to {}, found {}", where,
+                       cast.size() - 1, number);
+    for (size_t k = 0; k < cast.size(); ++k)
+        if (std::ranges::count(numbers, k) == 0) others.push_back(cast[k]);
+    return others;
 }
 
 // The avatar's folder that a folder is, or that a person's has in it; empty: neither.
@@ -106,8 +137,8 @@ KnownPeople readPeople(const std::vector<std::string>& from, const BodyModel& bo
                        const std::string& where, const fs::path& but) {
     KnownPeople known;
     for (const std::string& word : from) {
-        if (word == "cast") {
-            std::ranges::move(readCast(body, where), std::back_inserter(known.people));
+        if (const auto numbers = leftOut(word)) {
+            std::ranges::move(castWithout(*numbers, body, where), std::back_inserter(known.people));
             continue;
         }
         std::error_code ignored;

@@ -28,10 +28,11 @@ struct KnownPeople {
     std::string digest;               // of all that is known of them; empty: of nobody
 };
 
-// Each of `from` is "cast" (fifty synthetic people, assets/body/cast.npz), an avatar's folder, a
-// person's, with avatar/ in it, or a folder that holds such. `but`, an avatar's folder that is
-// being written, is none of those in a folder. InputError, naming `where` and which, for anything
-// else, for `but` itself, and for people of another body model.
+// Each of `from` is "cast" (fifty synthetic people, assets/body/cast.npz; "cast-7-19" is the cast
+// without its members 7 and 19, counted from 0), an avatar's folder, a person's, with avatar/ in
+// it, or a folder that holds such. `but`, an avatar's folder that is being written, is none of
+// those in a folder. InputError, naming `where` and which, for anything else, for `but` itself, and
+// for people of another body model.
 KnownPeople readPeople(const std::vector<std::string>& from, const BodyModel& body,
                        const std::string& where, const std::filesystem::path& but = {});
 
