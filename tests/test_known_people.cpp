@@ -131,6 +131,33 @@ TEST(KnownPeople, GiveAFaceToWhoIsSeenFromBehind) {
     EXPECT_LT(face.colours, .75 * face.coloursAlone);
 }
 
+// Hardly anybody's belly is bare. Of who shows hers it is skin, and her back is as of those who
+// show theirs.
+TEST(KnownPeople, ABareBellyIsSkinBehindToo) {
+    constexpr size_t kBare = 39;
+    const KnownPerson& person = cast().people[kBare];
+    auto isWaist = [](size_t v) {
+        const float* weights = &body().weights[v * joint::kCount];
+        return weights[joint::kSpine1] + weights[joint::kSpine2] > .5f;
+    };
+    const std::vector<double> trust = trustFrom(1);
+    std::vector<glm::dvec3> seen = person.colours;
+    for (size_t v = 0; v < seen.size(); ++v)
+        if (trust[v] == 0) seen[v] = glm::dvec3(0);
+    const ExpectedLook look = expectedLook(withoutMember(kBare), body(), seen, trust);
+    std::array<size_t, 2> bare{}, right{};  // not seen, seen
+    for (size_t v = 0; v < seen.size(); ++v) {
+        if (!isWaist(v) || person.garments[v] != Garment::Skin) continue;
+        const size_t which = trust[v] > 0;
+        ++bare[which];
+        right[which] += look.garments[v] == Garment::Skin;
+    }
+    for (size_t which : {0u, 1u}) {
+        ASSERT_GT(bare[which], 50u);
+        EXPECT_GT(double(right[which]), .95 * double(bare[which])) << which;
+    }
+}
+
 // Whose forehead is higher than others': what they have hair on is seen to be skin, and what is
 // seen of her own is a strip on the crown.
 TEST(KnownPeople, HairIsWhatIsNoFacesColour) {
@@ -185,6 +212,36 @@ TEST(KnownPeople, WhatHairHidesIsHair) {
     ASSERT_GT(faces, 50u);
     EXPECT_GT(double(haired), .95 * double(behind)) << haired << " of " << behind;
     EXPECT_GT(double(skinned), .95 * double(faces)) << skinned << " of " << faces;
+}
+
+// A head that is turned by a few degrees less than it seems has skin on its temples, where hair is
+// to be expected: the back of the head does not take after them.
+TEST(KnownPeople, TemplesOfSkinAreNotSpreadOverHair) {
+    const glm::dvec3 skin(.36, .19, .11), hair(.24, .22, .2);  // 25 of L*a*b* apart
+    ExpectedLook look;
+    std::vector<glm::dvec3> seen;
+    std::vector<double> trust;
+    for (size_t v = 0; v < size_t(body().vertexCount); ++v) {
+        const bool isHead = body().weights[v * joint::kCount + joint::kHead] > .9f;
+        const bool isHair = isHead && !body().face[v];
+        look.garments.push_back(isHair ? Garment::Hair : Garment::Skin);
+        look.colours.push_back(isHair ? hair : skin);
+        const float x = body().templateVertices[3 * v], z = body().templateVertices[3 * v + 2];
+        seen.push_back(skin);
+        trust.push_back(body().face[v] || (isHair && std::abs(x) > .05f && z > .04f) ? .5 : 0);
+    }
+    const UnseenColours colours = unseenColours(body(), seen, trust, &look);
+    size_t behind = 0;
+    double off = 0;
+    for (size_t v = 0; v < seen.size(); ++v) {
+        if (trust[v] > 0 || look.garments[v] != Garment::Hair ||
+            body().templateVertices[3 * v + 2] > .02f)
+            continue;
+        ++behind;
+        off += glm::distance(colours.colours[v], hair);
+    }
+    ASSERT_GT(behind, 50u);
+    EXPECT_LT(off / double(behind), .2 * glm::distance(skin, hair));
 }
 
 TEST(KnownPeople, AreAvatarsToo) {

@@ -97,9 +97,9 @@ std::vector<std::optional<Garment>> sureOf(std::span<const GarmentShares> expect
 }
 
 // Hair may hang over a face, and a shirt may be open: a sure vertex of one garment that has rather
-// the colour of another's sure ones is not sure.
-void doubt(Garment garment, Garment other, std::span<const glm::dvec3> colours,
-           std::span<const double> seen, std::vector<std::optional<Garment>>& sure) {
+// the colour of another's sure ones is not sure. [V] Which vertices have, sure or not.
+std::vector<char> doubt(Garment garment, Garment other, std::span<const glm::dvec3> colours,
+                        std::span<const double> seen, std::vector<std::optional<Garment>>& sure) {
     constexpr double kSeenWell = .05, kApart = 14;  // of L*a*b*
     auto medianOf = [&](Garment of) -> std::optional<glm::dvec3> {
         glm::dvec3 median;
@@ -114,12 +114,15 @@ void doubt(Garment garment, Garment other, std::span<const glm::dvec3> colours,
         }
         return median;
     };
+    std::vector<char> others(sure.size());
     const auto own = medianOf(garment), theirs = medianOf(other);
-    if (!own || !theirs || glm::distance(*own, *theirs) < kApart) return;
-    for (size_t v = 0; v < sure.size(); ++v)
-        if (sure[v] == garment && seen[v] >= kSeenWell &&
-            glm::distance(colours[v], *theirs) < glm::distance(colours[v], *own))
-            sure[v].reset();
+    if (!own || !theirs || glm::distance(*own, *theirs) < kApart) return others;
+    for (size_t v = 0; v < sure.size(); ++v) {
+        others[v] = seen[v] >= kSeenWell &&
+                    glm::distance(colours[v], *theirs) < glm::distance(colours[v], *own);
+        if (others[v] && sure[v] == garment) sure[v].reset();
+    }
+    return others;
 }
 
 // A print has colours of hair, a fold those of trousers: an island of a garment that no sure vertex
@@ -209,7 +212,7 @@ std::vector<Garment> segmentGarments(const BodyModel& body, std::span<const glm:
     constexpr double kSeenWell = .3;     // enough for that
     constexpr double kLeastShare = .01;  // of a garment that nobody is known to wear there
     // Who is known says better what may be worn where.
-    const double placesCount = expected.empty() ? 1 : .3;
+    const double placesCount = expected.empty() ? 1 : .2;
 
     const auto vertices = static_cast<size_t>(body.vertexCount);
     CHECK(srgb.size() == vertices && seen.size() == vertices, "of {} vertices", vertices);
@@ -249,18 +252,24 @@ std::vector<Garment> segmentGarments(const BodyModel& body, std::span<const glm:
 
     std::vector<std::optional<Garment>> sure =
         expected.empty() ? sureGarments(body) : sureOf(expected);
-    if (!expected.empty())
-        doubt(Garment::Skin, Garment::Hair, colours, seen, sure);
-    else
-        for (Garment garment : {Garment::Top, Garment::Bottom})
-            doubt(garment, Garment::Skin, colours, seen, sure);
+    // A bare belly is expected to be shirt, as most people's are, and would teach that shirts have
+    // the colour of skin.
+    std::vector<std::array<char, kGarmentCount>> others(vertices);
+    for (Garment garment : {Garment::Top, Garment::Bottom})
+        for (Garment other : {Garment::Skin, Garment::Top, Garment::Bottom}) {
+            if (other == garment || (expected.empty() && other != Garment::Skin)) continue;
+            const std::vector<char> theirs = doubt(garment, other, colours, seen, sure);
+            if (!expected.empty())
+                for (size_t v = 0; v < vertices; ++v) others[v][number(garment)] |= theirs[v];
+        }
+    if (!expected.empty()) doubt(Garment::Skin, Garment::Hair, colours, seen, sure);
     std::vector<std::optional<Garment>> labels = sure;
     for (int round = 0; round < kRounds; ++round) {
         std::vector<Costs> costs = places;
         for (size_t g = 0; g < kGarmentCount; ++g) {
             std::vector<glm::dvec3> known;
             for (size_t v = 0; v < vertices; ++v)
-                if (labels[v] && number(*labels[v]) == g && seen[v] >= kSeenWell)
+                if (labels[v] && number(*labels[v]) == g && seen[v] >= kSeenWell && !others[v][g])
                     known.push_back(colours[v]);
             std::optional<ColourMixture> mixture;
             if (known.size() >= kFewest) mixture.emplace(std::move(known));

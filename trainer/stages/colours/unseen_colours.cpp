@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include "engine/error.h"
 #include "nn/body/joint.h"
@@ -24,6 +25,9 @@ constexpr double kAcross = 1e-3, kReach = .1;
 // Of L*a*b*: what differs by more from what is expected is a print, a shadow, or not of its
 // garment.
 constexpr double kUnlike = 30;
+// Of what rather has the colour of another garment: a temple that a face has painted is not spread
+// over the back of a head.
+constexpr double kAnothers = 1e-6;
 
 // [24] Of each joint the direction of its bone, times itself: how much another is along it. Of the
 // limbs it is the bone that begins there, or where none does the one that ends there. Trunk and
@@ -47,6 +51,21 @@ std::vector<glm::dmat3> boneDirections(const BodyModel& body) {
     std::vector<glm::dmat3> directions;
     for (const glm::dvec3& bone : bones) directions.push_back(glm::outerProduct(bone, bone));
     return directions;
+}
+
+// Of each garment that somebody wears somewhere the mean colour, L*a*b*.
+using GarmentTones = std::array<std::optional<glm::dvec3>, kGarmentCount>;
+GarmentTones tonesOf(const ExpectedLook& look) {
+    std::array<glm::dvec3, kGarmentCount> sums{};
+    std::array<double, kGarmentCount> counts{};
+    for (size_t v = 0; v < look.garments.size(); ++v) {
+        sums[number(look.garments[v])] += look.colours[v];
+        ++counts[number(look.garments[v])];
+    }
+    GarmentTones tones;
+    for (size_t g = 0; g < kGarmentCount; ++g)
+        if (counts[g] > 0) tones[g] = labOf(sums[g] / counts[g]);
+    return tones;
 }
 
 }  // namespace
@@ -83,12 +102,20 @@ UnseenColours unseenColours(const BodyModel& body, std::span<const glm::dvec3> s
         return glm::dvec3(x[0], x[1], x[2]);
     };
     std::vector<double> keeps;  // how much a vertex's colour counts
-    for (size_t v = 0; v < vertices; ++v) {
-        double unlike = 0;
-        if (look && trust[v] > 0)
-            unlike = glm::distance(labOf(seen[v]), labOf(look->colours[v])) / kUnlike;
-        keeps.push_back(result.reached[v] ? kKeeps * trust[v] * std::exp(-unlike * unlike / 2) : 1);
-    }
+    const GarmentTones tones = look ? tonesOf(*look) : GarmentTones();
+    auto likely = [&](size_t v) {
+        const glm::dvec3 colour = labOf(seen[v]);
+        const double own = glm::distance(colour, labOf(look->colours[v])), unlike = own / kUnlike;
+        for (size_t g = 0; g < kGarmentCount; ++g)
+            if (tones[g] && g != number(look->garments[v]) &&
+                glm::distance(colour, *tones[g]) < own)
+                return kAnothers;
+        return std::exp(-unlike * unlike / 2);
+    };
+    for (size_t v = 0; v < vertices; ++v)
+        keeps.push_back(!result.reached[v]     ? 1
+                        : look && trust[v] > 0 ? kKeeps * trust[v] * likely(v)
+                                               : kKeeps * trust[v]);
     // Lower half of the matrix.
     std::vector<Eigen::Triplet<double>> entries;
     for (size_t v = 0; v < vertices; ++v) entries.emplace_back(int(v), int(v), keeps[v]);
