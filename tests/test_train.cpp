@@ -294,6 +294,46 @@ TEST(Train, KnownPeopleTellWhatOnePictureDoesNotShow) {
     EXPECT_THROW(isTrained(told, avatar, capture, Precision::Single, settings), InputError);
 }
 
+// One picture shows how wide a trunk is in its clothes, and not how deep: what clothes add is not
+// added to a girth that has them.
+TEST(Train, KnownClothesAreNotAddedToGirth) {
+    test::Folder folder;
+    SyntheticOptions options;
+    options.size = 192;
+    options.samples = 2;
+    const Actor man = readActor(assetFolder() / "actor", "man");
+    const Capture capture =
+        renderActor(testDevice(), man, actorSession(1, 0, kActorDistance), folder / "c", options);
+    Avatar avatar = tinyAvatar();
+    avatar.preset.fit = presetByName("small").fit;
+    avatar.preset.shape.steps = 60;
+    TrainSettings settings;
+    settings.out = folder / "avatar";
+    settings.pictureSeconds = 0;
+    settings.stages = {"fit", "shape"};
+    settings.known = readPeople({"cast"}, avatar.body, "--prior");
+    const Avatar told = trainAvatar(testDevice(), avatar, capture, settings).avatar;
+    // How deep the middle of a trunk is where its joint is, at rest; the mean over two, m.
+    auto depthOf = [](const BodyModel& body, const Betas& shape) {
+        const std::vector<double> betas(shape.begin(), shape.end());
+        const std::vector<double> verts = shapedVertices(body, betas),
+                                  joints = restJoints(body, betas);
+        double sum = 0;
+        for (size_t j : {joint::kSpine1, joint::kSpine3}) {
+            double low = 1, high = -1;
+            for (int32_t corner : body.faces) {
+                const double* x = &verts[3 * size_t(corner)];
+                if (std::abs(x[0]) > .05 || std::abs(x[1] - joints[3 * j + 1]) > .02) continue;
+                low = std::min(low, x[2]), high = std::max(high, x[2]);
+            }
+            sum += high - low;
+        }
+        return sum / 2;
+    };
+    const double off = depthOf(told.body, told.betas) - depthOf(man.body, Betas{});
+    EXPECT_LT(std::abs(off), .02) << off;
+}
+
 TEST(Train, TakesFramesOfSeveralSizesAndEmptyOnes) {
     test::Folder folder;
     Capture capture = tinyCapture(folder.path() / "capture");

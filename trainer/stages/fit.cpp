@@ -274,7 +274,9 @@ FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
     return result;
 }
 
-void trainFit(Device& device, TrainResult& result, const TrainSettings& settings) {
+namespace {
+
+FitSettings settingsOf(const TrainResult& result, const TrainSettings& settings) {
     FitSettings fit{.preset = result.avatar.preset.fit,
                     .loop = settings,
                     .memoryBudget = settings.memoryBudget};
@@ -283,7 +285,22 @@ void trainFit(Device& device, TrainResult& result, const TrainSettings& settings
     if (result.capture.size() <= kFewPictures)
         fit.preset.priorTheta = std::max(fit.preset.priorTheta, fit.preset.priorFew);
     if (!settings.hasFolder()) fit.loop.out.clear();
-    result.fit = fitCapture(device, result.avatar.body, result.capture, fit);
+    return fit;
+}
+
+}  // namespace
+
+void trainFit(Device& device, TrainResult& result, const TrainSettings& settings) {
+    result.fit =
+        fitCapture(device, result.avatar.body, result.capture, settingsOf(result, settings));
+    result.avatar.betas = result.capture.betas;
+}
+
+void fitBelowClothes(Device& device, TrainResult& result, const TrainSettings& settings) {
+    FitSettings fit = settingsOf(result, settings);
+    fit.loop.out.clear();
+    fit.loop.profileSteps = 0;
+    fitCapture(device, result.avatar.body, result.capture, fit);
     result.avatar.betas = result.capture.betas;
 }
 

@@ -32,6 +32,10 @@ bool isVideo(const Capture& capture);
 FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
                      const FitSettings& settings);
 
+// Fits shape and poses as stage "fit" did, once more, now that the avatar's offsets say what
+// clothes add: to outlines alone, clothes were girth.
+void fitBelowClothes(Device& device, TrainResult& result, const TrainSettings& settings);
+
 // IoU with each frame's mask, at the frame's resolution, of the body as each of `posed` poses it:
 // captures of the same frames, whose masks are decoded once. [posed][frame]. Each rank looks at its
 // part of the frames.

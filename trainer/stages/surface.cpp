@@ -420,6 +420,10 @@ void trainShape(Device& device, TrainResult& result, const TrainSettings& settin
             backProject(device, avatar.body, result.capture, cache, kTexels,
                         avatar.preset.texels.rim, settings.ranks, settings.known);
         setOffsets(avatar, offsetsOf(avatar.body, seen.heights));
+        // Few frames do not show how deep a trunk is: there clothes would be added to a girth that
+        // has them.
+        if (result.capture.size() <= kFewPictures && std::ranges::count(settings.stages, "fit") > 0)
+            fitBelowClothes(device, result, settings);
     }
     SurfaceRun run{.stage = "shape",
                    .preset = avatar.preset.shape,
