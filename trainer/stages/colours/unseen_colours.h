@@ -22,8 +22,9 @@ struct UnseenColours {
     std::vector<char> reached;
 };
 //
-// Where a look is expected, colours pass over from one of its garments to another hardly at all, and
-// far from what was seen, a decimetre or two, they become the expected.
+// Where a look is expected, colours pass over from one of its garments to another hardly at all,
+// and far from what was seen, a decimetre or two, they become the expected; what was seen in the
+// colour of another garment is not spread.
 UnseenColours unseenColours(const BodyModel& body, std::span<const glm::dvec3> seen,
                             std::span<const double> trust, const ExpectedLook* look = nullptr);
 
