@@ -201,9 +201,34 @@ std::vector<float> toFloat(const std::vector<double>& values) {
     return {values.begin(), values.end()};
 }
 
+TEST(Body, FacesAreStiffWhereAsked) {
+    const BodyModel body = bodyFromNpz(readNpz(kDefaultBody));
+    const std::vector<float> shares = faceShares(body), stiffness = surfaceStiffness(body, 1, 1000);
+    size_t on = 0, around = 0;
+    for (size_t v = 0; v < shares.size(); ++v) {
+        if (body.face[v]) {
+            EXPECT_EQ(shares[v], 1) << v;
+            EXPECT_FLOAT_EQ(stiffness[v], 1000) << v;
+            ++on;
+        } else {
+            EXPECT_LT(shares[v], 1) << v;
+            around += shares[v] > 0;
+        }
+    }
+    EXPECT_GT(on, 100u);
+    EXPECT_GT(around, on / 4);
+    EXPECT_LT(around, 3 * on);
+    // No step from one vertex to the next is more than a ring's.
+    for (size_t f = 0; f < body.faces.size(); f += 3)
+        for (size_t k = 0; k < 3; ++k)
+            EXPECT_LE(std::abs(shares[size_t(body.faces[f + k])] -
+                               shares[size_t(body.faces[f + (k + 1) % 3])]),
+                      .21f);
+}
+
 TEST(Body, FingersAreStiffAndHeadsAreNot) {
     const BodyModel body = bodyFromNpz(readNpz(kDefaultBody));
-    const std::vector<float> stiffness = surfaceStiffness(body, 1000);
+    const std::vector<float> stiffness = surfaceStiffness(body, 1000, 1);
     ASSERT_EQ(stiffness.size(), static_cast<size_t>(body.vertexCount));
     const auto farthest = [&](size_t axis, float side) {
         size_t found = 0;
@@ -216,7 +241,7 @@ TEST(Body, FingersAreStiffAndHeadsAreNot) {
     for (float side : {-1.f, 1.f}) EXPECT_NEAR(stiffness[farthest(0, side)], 1000, 1);
     for (float side : {-1.f, 1.f}) EXPECT_EQ(stiffness[farthest(1, side)], 1);  // sole, crown
     EXPECT_GE(*std::ranges::min_element(stiffness), 1);
-    EXPECT_EQ(surfaceStiffness(body, 1), std::vector<float>(stiffness.size(), 1));
+    EXPECT_EQ(surfaceStiffness(body, 1, 1), std::vector<float>(stiffness.size(), 1));
 }
 
 TEST(Body, ZeroPoseGivesTheShapedTemplate) {

@@ -327,9 +327,32 @@ std::vector<float> handShares(const BodyModel& body) {
     return result;
 }
 
-std::vector<float> surfaceStiffness(const BodyModel& body, double hands) {
+std::vector<float> faceShares(const BodyModel& body) {
+    constexpr int kRings = 4;
+    std::vector<float> shares(static_cast<size_t>(body.vertexCount));
+    for (size_t v = 0; v < body.face.size(); ++v) shares[v] = body.face[v] ? 1.f : 0.f;
+    for (int ring = 1; ring <= kRings; ++ring) {
+        const float share = 1 - static_cast<float>(ring) / (kRings + 1);
+        const std::vector<float> before = shares;
+        for (size_t f = 0; f < body.faces.size(); f += 3) {
+            float most = 0;
+            for (size_t k = 0; k < 3; ++k)
+                most = std::max(most, before[static_cast<size_t>(body.faces[f + k])]);
+            for (size_t k = 0; k < 3; ++k) {
+                float& own = shares[static_cast<size_t>(body.faces[f + k])];
+                if (most > share) own = std::max(own, share);
+            }
+        }
+    }
+    return shares;
+}
+
+std::vector<float> surfaceStiffness(const BodyModel& body, double hands, double face) {
     std::vector<float> result = handShares(body);
-    for (float& value : result) value = static_cast<float>(1 + (hands - 1) * double{value});
+    const std::vector<float> faces = faceShares(body);
+    for (size_t v = 0; v < result.size(); ++v)
+        result[v] =
+            static_cast<float>(1 + (hands - 1) * double{result[v]} + (face - 1) * double{faces[v]});
     return result;
 }
 

@@ -76,9 +76,12 @@ std::vector<float> clampBounds(const BodyModel& body, ClampBounds source);
 // How much of each vertex [V] hangs on the bones of a hand: 0 to 1, less towards the forearms.
 std::vector<float> handShares(const BodyModel& body);
 
-// How stiff the surface is [V]: 1, and `hands` where a vertex is a hand's.
-// A finger is three pixels wide where a person fills a frame, so outlines alone make gloves of
-// hands.
-std::vector<float> surfaceStiffness(const BodyModel& body, double hands);
+// How much of each vertex [V] is the face's: 1 on it, and less and less over some rings around it.
+std::vector<float> faceShares(const BodyModel& body);
+
+// How stiff the surface is [V]: 1, `hands` where a vertex is a hand's, and `face` on the face. A
+// finger is three pixels wide where a person fills a frame, so outlines alone make gloves of hands;
+// and colours make creases of a face that each frame's pose has elsewhere.
+std::vector<float> surfaceStiffness(const BodyModel& body, double hands, double face);
 
 }  // namespace doppel

@@ -71,7 +71,7 @@ MeshStep::MeshStep(Device& device, const BodyModel& body, const std::array<float
     std::optional<CaptureLight> lights;
     Tensor stiffness;
     if (bounded)
-        stiffness = graph.constant(surfaceStiffness(body, preset.hands), {body.vertexCount});
+        stiffness = graph.constant(surfaceStiffness(body, preset.hands, 1), {body.vertexCount});
     if (coloured) {
         const auto side = static_cast<int64_t>(std::lround(std::sqrt(texels.size() / 3)));
         Tensor uvs = graph.constant(std::span<const float>(body.uvs), {body.uvCount, 2});

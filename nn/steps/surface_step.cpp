@@ -235,10 +235,10 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
         for (size_t i = 0; i < before.size(); ++i) before[i] *= -shares[i / 3];
         losses.term(
             "offsets", 1,
-            offsetPenalty(graph,
-                          add(graph, own, graph.constant(std::span<const float>(before), {V, 3})),
-                          graph.constant(surfaceStiffness(body, preset.hands), {V}), mesh,
-                          static_cast<float>(preset.stay), static_cast<float>(preset.smooth)));
+            offsetPenalty(
+                graph, add(graph, own, graph.constant(std::span<const float>(before), {V, 3})),
+                graph.constant(surfaceStiffness(body, preset.hands, preset.face), {V}), mesh,
+                static_cast<float>(preset.stay), static_cast<float>(preset.smooth)));
         if (preset.folds > 0) {
             std::vector<float> first = body.templateVertices;
             std::ranges::transform(first, start.offsets, first.begin(), std::plus());

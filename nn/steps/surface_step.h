@@ -71,6 +71,7 @@ namespace doppel {
            "weight of texels near those that frames gave first, over how many frames there are") \
     NUMBER(double, smooth, 500, 0, kNoLimit, "weight of smooth offsets")                         \
     NUMBER(double, hands, 1, 1, 1e6, "times as much of it on the hands")                         \
+    NUMBER(double, face, 1, 1, 1e6, "times as much of it on the face")                           \
     FLAG(cleanHands, false,                                                                      \
          "texels of the hands that have another thing's colour take the hands'")                 \
     NUMBER(double, folds, 1, 0, kNoLimit, "weight of faces that keep their side and an area")    \

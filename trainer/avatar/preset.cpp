@@ -159,6 +159,7 @@ Preset presetByName(std::string_view name) {
         preset.texels.lambda = 4;
         preset.texels.smooth = 200;
         preset.texels.lrOffsets = .02;
+        preset.texels.face = 1e4;
         preset.texels.stayTexels = 16;
         // Where poses are off, surfaces crease, and a crease's sides face other views than the skin
         // around them does: whoever sees a place best would paint streaks. Eyes and mouths that
