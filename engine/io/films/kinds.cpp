@@ -13,15 +13,14 @@ namespace doppel {
 
 namespace {
 
-// MPEG-4 stands in where FFmpeg has no x264, whose macroblock tree reads memory that nobody has
-// written where a picture is not as wide as its vectors: the same pictures gave other bytes. VP9 keeps alpha only if no frame comes out of order.
+// MPEG-4 stands in where FFmpeg has no x264. VP9 keeps alpha only if no frame comes out of order.
 // ProRes is for editors, who want sound as it was.
 constexpr VideoKind kKinds[] = {
     {.ending = ".mp4",
      .codec = "H.264",
      .muxer = "mp4",
      .muxerOptions = "movflags=+faststart",
-     .encoders = {{{"libx264", "preset=fast:crf=18:mbtree=0"},
+     .encoders = {{{"libx264", "preset=fast:crf=17"},
                    {"mpeg4", "flags=+qscale:global_quality=236"}}},
      .pixels = "yuv420p",
      .evenSides = true,
