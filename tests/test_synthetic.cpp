@@ -48,6 +48,17 @@ TEST(Demo, RecordsAnActorOfAFile) {
     EXPECT_FALSE(named.empty());
     EXPECT_EQ(record((folder / "me.npz").string(), "b"), named);
     EXPECT_NE(record("woman", "c"), named);
+    // What is no actor is refused before anything is written.
+    folder.write("notes.txt", "no actor");
+    folder.write("broken.npz", "no actor");
+    for (const auto& [file, said] : {std::pair{"notes.txt", "--actor: expected an actor's name"},
+                                     {"broken.npz", "broken.npz: expected an npz"}}) {
+        const std::string path = (folder / file).string();
+        EXPECT_NE(test::messageOf<InputError>([&] { record(path, "d"); }).find(said),
+                  std::string::npos)
+            << file;
+        EXPECT_FALSE(std::filesystem::exists(folder / "d"));
+    }
 }
 
 // One vertex of a posed mesh.

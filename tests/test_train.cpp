@@ -266,7 +266,7 @@ TEST(Train, KnownPeopleTellWhatOnePictureDoesNotShow) {
         return sum / count;
     };
     EXPECT_LT(lightOf(told, true), .8 * lightOf(told, false));
-    EXPECT_LT(lightOf(told, true), lightOf(alone, true) - .06);
+    EXPECT_LT(lightOf(told, true), lightOf(alone, true) - .1);
 
     // What her picture does not show is filled with what was learned of it, not with how it began.
     std::set<std::array<float, 3>> learned;

@@ -66,14 +66,16 @@ void writeContactSheet(Device& device, const Avatar& avatar, const Capture& asGi
 // Who comes with the program, or is in a file.
 Actor actorOf(const DemoOptions& options) {
     const std::filesystem::path folder = assetFolder() / "actor", file = options.actor;
-    return std::ranges::count(actorNames(folder), options.actor) > 0
-               ? readActor(folder, options.actor)
-               : readActor(file.parent_path(), file.stem().string());
+    if (std::ranges::count(actorNames(folder), options.actor) > 0)
+        return readActor(folder, options.actor);
+    if (file.extension() != ".npz")
+        throwInput("--actor: expected an actor's name, or the .npz of one, found {}",
+                   options.actor);
+    return readActor(file.parent_path(), file.stem().string());
 }
 
 // The actor, turning and then moving, in out/capture.
-Capture recordActor(Device& device, const DemoOptions& options) {
-    const Actor actor = actorOf(options);
+Capture recordActor(Device& device, const Actor& actor, const DemoOptions& options) {
     SyntheticOptions synthetic;
     if (options.lamp) synthetic.light = studioLamp();
     synthetic.size = options.size;
@@ -82,12 +84,12 @@ Capture recordActor(Device& device, const DemoOptions& options) {
                        options.out / "capture", synthetic);
 }
 
-void recordDemo(const DemoOptions& options) {
+void recordDemo(const Actor& actor, const DemoOptions& options) {
     catchInterrupts();
     claimFiles(options.out, "demo", {"capture"});
     const FolderLock lock(options.out);
     Device device(options.common.deviceOptions());
-    const Capture capture = recordActor(device, options);
+    const Capture capture = recordActor(device, actor, options);
     const std::string folder = (options.out / "capture").string();
     if (options.common.json)
         printJson(nlohmann::ordered_json{{"capture", folder}, {"frames", capture.size()}});
@@ -95,12 +97,11 @@ void recordDemo(const DemoOptions& options) {
         fmt::print("{}: {} frames of {}\n", folder, capture.size(), options.actor);
 }
 
-void filmDemo(const DemoOptions& options) {
+void filmDemo(const Actor& actor, const DemoOptions& options) {
     catchInterrupts();
     claimFiles(options.out, "demo", {"clip.mp4", "truth"});
     const FolderLock lock(options.out);
     Device device(options.common.deviceOptions());
-    const Actor actor = actorOf(options);
     HandHeldOptions film;
     film.seed = options.common.seed;
     film.still = options.still;
@@ -124,8 +125,9 @@ void filmDemo(const DemoOptions& options) {
 }  // namespace
 
 void runDemo(const DemoOptions& options) {
+    const Actor actor = actorOf(options);  // before anything is written
     if (options.record || options.clip > 0) {
-        options.record ? recordDemo(options) : filmDemo(options);
+        options.record ? recordDemo(actor, options) : filmDemo(actor, options);
         return;
     }
     auto start = std::chrono::steady_clock::now();
@@ -142,7 +144,7 @@ void runDemo(const DemoOptions& options) {
     fmt::print(stderr, "demo on {}\n", device.info().name);
 
     // A recording of the actor, every fourth frame held out.
-    const Capture capture = recordActor(device, options);
+    const Capture capture = recordActor(device, actor, options);
     std::vector<size_t> seen, heldOut;
     for (size_t i = 0; i < capture.size(); ++i) (i % 4 == 3 ? heldOut : seen).push_back(i);
     double captureSeconds = seconds();

@@ -297,7 +297,9 @@ void trainFit(Device& device, TrainResult& result, const TrainSettings& settings
 }
 
 void fitBelowClothes(Device& device, TrainResult& result, const TrainSettings& settings) {
+    constexpr double kFitted = 100;
     FitSettings fit = settingsOf(result, settings);
+    fit.preset.priorTheta *= kFitted;
     fit.loop.out.clear();
     fit.loop.profileSteps = 0;
     fitCapture(device, result.avatar.body, result.capture, fit);

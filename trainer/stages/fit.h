@@ -32,8 +32,9 @@ bool isVideo(const Capture& capture);
 FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
                      const FitSettings& settings);
 
-// Fits shape and poses as stage "fit" did, once more, now that the avatar's offsets say what
-// clothes add: to outlines alone, clothes were girth.
+// Fits the shape as stage "fit" did, once more, now that the avatar's offsets say what clothes add:
+// to outlines alone, clothes were girth. Limbs stay as they were fitted, or what outlines leave
+// open, as how a head leans, would go as far once more.
 void fitBelowClothes(Device& device, TrainResult& result, const TrainSettings& settings);
 
 // IoU with each frame's mask, at the frame's resolution, of the body as each of `posed` poses it:

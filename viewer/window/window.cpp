@@ -16,6 +16,7 @@
 #include <string_view>
 #include <utility>
 
+#include "engine/error.h"
 #include "viewer/window/icon.h"
 
 namespace doppel {
@@ -48,8 +49,10 @@ int labelledKey(int key, int scancode) {
 bool presentsDirectly(const DeviceInfo& info) {
     const char* set = std::getenv("DOPPEL_PRESENT");
     const std::string_view wish = set ? set : "";
-    if (wish == "direct" || wish == "host") return wish == "direct";
-    return !info.cpu;
+    if (wish.empty()) return !info.cpu;
+    if (wish != "direct" && wish != "host")
+        throwInput("DOPPEL_PRESENT: expected direct or host, or nothing, found {}", wish);
+    return wish == "direct";
 }
 
 struct Window::Parts {
