@@ -167,6 +167,24 @@ private:
     std::optional<std::string> before_;
 };
 
+TEST(Presenting, SaysWhichWordsItKnows) {
+    DeviceInfo gpu, cpu;
+    cpu.cpu = true;
+    {
+        const Presenting unset("");
+        EXPECT_TRUE(presentsDirectly(gpu));
+        EXPECT_FALSE(presentsDirectly(cpu));
+    }
+    for (const DeviceInfo& device : {gpu, cpu}) {
+        EXPECT_TRUE((Presenting("direct"), presentsDirectly(device)));
+        EXPECT_FALSE((Presenting("host"), presentsDirectly(device)));
+        const Presenting wrong("Direct");
+        EXPECT_NE(messageOf<InputError>([&] { presentsDirectly(device); })
+                      .find("DOPPEL_PRESENT: expected direct or host, or nothing, found Direct"),
+                  std::string::npos);
+    }
+}
+
 class DirectTest : public ViewerTest {
 protected:
     // What a function sees of a window, presented either way.

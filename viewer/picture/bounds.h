@@ -6,7 +6,8 @@
 #include <span>
 
 #include "trainer/data/camera.h"
-#include "viewer/picture/scene.h"
+#include "viewer/picture/view_transform.h"
+#include "viewer/window/canvas.h"
 
 namespace doppel {
 

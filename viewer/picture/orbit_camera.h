@@ -5,7 +5,8 @@
 #include <string>
 #include <string_view>
 
-#include "viewer/picture/scene.h"
+#include "trainer/data/camera.h"
+#include "viewer/picture/view_transform.h"
 
 namespace doppel {
 

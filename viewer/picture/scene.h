@@ -15,19 +15,10 @@
 #include "trainer/avatar/avatar.h"
 #include "trainer/data/camera.h"
 #include "view/params.h"
+#include "viewer/picture/view_transform.h"
 #include "viewer/window/canvas.h"
 
 namespace doppel {
-
-// World: the capture's camera space, so x right, y down, z away from its camera; metres. A view
-// brings a point to camera space by rotation * point + translation and projects it with the camera.
-struct ViewTransform {
-    glm::dmat3 rotation{1};
-    glm::dvec3 translation{0};
-
-    glm::dvec3 operator()(const glm::dvec3& point) const { return rotation * point + translation; }
-    bool operator==(const ViewTransform&) const = default;
-};
 
 // Which mesh is drawn: the body as skinning leaves it, or as the mesh network refines it.
 enum class MeshKind { Body, Refined };
