@@ -11,8 +11,8 @@
 #include "tests/files.h"
 #include "tests/moving_person.h"
 #include "tests/op_test.h"
+#include "tests/striped_avatar.h"
 #include "trainer/avatar/avatar_renderer.h"
-#include "trainer/avatar/bake.h"
 #include "trainer/avatar/export.h"
 #include "trainer/motion/session.h"
 
@@ -25,29 +25,6 @@ constexpr int kSize = 384;
 constexpr double kFocal = 450;
 
 bool hasBlender() { return std::system("command -v blender > /dev/null") == 0; }
-
-// The default body in stripes that go on across the atlas's seams.
-Avatar stripedAvatar() {
-    Avatar avatar;
-    avatar.bodyArrays = readBodyArrays("default");
-    avatar.body = bodyFromNpz(avatar.bodyArrays);
-    avatar.preset = presetByName("ci");
-    avatar.textureSize = 512;
-    const std::vector<TexelPlace> places = texelPlaces(avatar.body, avatar.textureSize);
-    avatar.texture.assign(3 * places.size(), 0);
-    for (size_t t = 0; t < places.size(); ++t)
-        for (size_t c = 0; c < 3 && places[t].face >= 0; ++c) {
-            double at = 0;
-            for (size_t i = 0; i < 3; ++i) {
-                const auto v = size_t(avatar.body.faces[3 * size_t(places[t].face) + i]);
-                at +=
-                    double{places[t].corners[i]} * double{avatar.body.templateVertices[3 * v + c]};
-            }
-            avatar.texture[3 * t + c] = float(.5 + .4 * std::sin(20 * at));
-        }
-    spreadCharts(places, avatar.textureSize, avatar.texture);
-    return avatar;
-}
 
 // Somebody who stands before the camera, an arm lowered, and turns.
 Motion turning() {
@@ -111,29 +88,11 @@ protected:
     }
 
     void expectTheSame(const Image& shown, const Theta& theta, const Trans& trans) {
-        const Camera camera{kFocal, kFocal, kSize / 2., kSize / 2., kSize, kSize};
-        const Drawing drawn = AvatarRenderer(testDevice(), avatar_).draw(theta, trans, camera, 4);
-        ASSERT_EQ(shown.width, kSize);
-        double both = 0, either = 0, squares = 0;
-        for (size_t i = 0; i < drawn.mask.size(); ++i) {
-            const uint8_t* pixel = &shown.data[4 * i];
-            const bool ours = drawn.mask[i] > 127, theirs = pixel[3] > 127;
-            both += ours && theirs;
-            if (!ours && !theirs) continue;
-            ++either;
-            for (size_t c = 0; c < 3; ++c) {
-                const double difference =
-                    double(pixel[c]) * pixel[3] / 255. / 255. - double{drawn.rgb[3 * i + c]};
-                squares += difference * difference;
-            }
-        }
-        EXPECT_GT(either, 5000);
-        EXPECT_GT(both / either, .97);
-        EXPECT_GT(-10 * std::log10(squares / (3 * either)), 32);
+        test::expectShows(shown, avatar_, theta, trans, kFocal);
     }
 
     test::Folder folder_;
-    Avatar avatar_ = stripedAvatar();
+    Avatar avatar_ = test::stripedAvatar();
     Motion motion_ = turning();
 };
 
