@@ -80,15 +80,16 @@ Tensor pixelUnshuffle(Graph& graph, const Tensor& x, int64_t block) {
 
 Tensor binomialMean(Graph& graph, const Tensor& x) {
     CHECK(x.shape.size() == 3, "a texture is [H,W,C], not {}", toString(x.shape));
-    const BinomialMeanParams params{u32(x.elements()), u32(x.dim(1) * x.dim(2)), u32(x.dim(0)),
-                                    u32(x.dim(2))};
+    const int64_t line = x.dim(1) * x.dim(2);
+    const BinomialMeanParams params{u32(line * ((x.dim(0) + kBinomialRows - 1) / kBinomialRows)),
+                                    u32(line), u32(x.dim(0)), u32(x.dim(2))};
     Tensor y = graph.temporary(x.shape);
     graph.beginOp("binomial_mean");
-    graph.dispatch("texture/binomial_mean.forward", {{"x", x}, {"y", y}}, params, params.n);
+    graph.dispatch("texture/binomial_mean.forward", {{"x", x}, {"y", y}}, params, params.columns);
     graph.differentiate({x}, {y}, [=, &graph] {
         graph.dispatch("texture/binomial_mean.forward",
                        {{"x", graph.gradient(y)}, {"y", graph.gradientTarget(x)}}, params,
-                       params.n);
+                       params.columns);
     });
     return y;
 }

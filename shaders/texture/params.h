@@ -5,8 +5,9 @@ SHARED_BEGIN
 struct InterleaveParams {
     uint channels, pixels;
 };
+const uint kBinomialRows = 8;  // of an invocation
 struct BinomialMeanParams {
-    uint n;             // elements
+    uint columns;       // of kBinomialRows elements or fewer
     uint line, height;  // elements of a line of texels; lines
     uint channels;
 };
