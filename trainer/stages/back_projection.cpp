@@ -78,8 +78,8 @@ struct View {
     std::vector<uint8_t> weights;  // [H,W] which of kWeights
 };
 
-// The pixels on a mask's rim count little, and have the colours of the inside, so that a texel
-// which nobody saw otherwise has no halo.
+// The pixels on a mask's rim count little, and those on its border, or of the rim that is asked
+// for, have the colours of the inside, so that a texel which nobody saw otherwise has no halo.
 View viewOf(const Picture& picture, int asked) {
     const int w = picture.width, h = picture.height, rim = std::max(2, asked);
     std::vector<uint8_t> outside(picture.mask.size());
@@ -87,7 +87,7 @@ View viewOf(const Picture& picture, int asked) {
                            [](uint8_t m) { return static_cast<uint8_t>(m > 127 ? 0 : 255); });
     const std::vector<uint8_t> near = dilateMask(outside, w, h, 1),
                                far = dilateMask(outside, w, h, rim);
-    View view{withoutRim(picture, rim, 1), std::vector<uint8_t>(outside.size())};
+    View view{withoutRim(picture, std::max(1, asked), 1), std::vector<uint8_t>(outside.size())};
     for (size_t i = 0; i < outside.size(); ++i)
         view.weights[i] = outside[i] ? 0 : near[i] ? 1 : far[i] ? 2 : 3;
     return view;

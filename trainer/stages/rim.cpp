@@ -30,7 +30,7 @@ int rimBeforeScreen(const Capture& capture, FrameCache& frames, int rim, Ranks* 
 std::vector<uint8_t> withoutRim(const Picture& picture, int rim, int beyond) {
     std::vector<uint8_t> rgb = picture.rgb;
     if (rim == 0) return rgb;
-    const int w = picture.width, h = picture.height, reach = rim + beyond + 1;
+    const int w = picture.width, h = picture.height;
     std::vector<uint8_t> outside(picture.mask.size());
     std::ranges::transform(picture.mask, outside.begin(),
                            [](uint8_t m) { return static_cast<uint8_t>(m > 127 ? 0 : 255); });
@@ -45,6 +45,9 @@ std::vector<uint8_t> withoutRim(const Picture& picture, int rim, int beyond) {
         for (int x = 0; x < w; ++x) {
             const auto i = static_cast<size_t>(y * w + x);
             if (depth[i] > rim || grown[i] <= 127) continue;
+            // No further than to the nearest that is not of the rim: behind two pixels of hair
+            // there is a face.
+            const int reach = rim + 1 - depth[i] + (depth[i] == 0 ? beyond : 0);
             uint8_t deepest = 0;
             std::array<int, 3> sum{};
             int count = 0;

@@ -16,7 +16,7 @@ namespace doppel {
 int rimBeforeScreen(const Capture& capture, FrameCache& frames, int rim, Ranks* ranks = nullptr);
 
 // A picture's colours [H,W,3] in which a mask's outermost `rim` pixels, and so many `beyond` them,
-// are the mean of what is furthest inside of what is near.
+// are the mean of the nearest that is further inside, or in thin parts of what is furthest inside.
 std::vector<uint8_t> withoutRim(const Picture& picture, int rim, int beyond = 0);
 
 }  // namespace doppel
