@@ -203,7 +203,8 @@ Preset sharedPreset() {
 // In `out`, on top of what is there.
 void train(Device& device, const fs::path& capture, const fs::path& out, Ranks* ranks,
            const std::vector<std::string>& stages,
-           const std::function<void(TrainSettings&)>& change = {}) {
+           const std::function<void(TrainSettings&)>& change = {},
+           const Preset& preset = sharedPreset()) {
     Avatar avatar;
     if (fs::exists(out / "avatar.toml")) {
         avatar = readAvatar(out);
@@ -211,7 +212,7 @@ void train(Device& device, const fs::path& capture, const fs::path& out, Ranks* 
         avatar.bodyArrays = readBodyArrays("default");
         avatar.body = bodyFromNpz(avatar.bodyArrays);
     }
-    avatar.preset = sharedPreset();
+    avatar.preset = preset;
     TrainSettings settings;
     settings.stages = stages;
     settings.out = out;
@@ -237,17 +238,19 @@ protected:
 
     // Stops a training after so many steps of a stage; what its checkpoint holds.
     static WeightMap stoppedAfter(int64_t steps, const std::string& stage, int count,
-                                  const fs::path& out) {
+                                  const fs::path& out, const Preset& preset = sharedPreset()) {
         catchInterrupts();
         std::atomic<int> stopped = 0;
         ThreadRanks::run(count, [&](Ranks& ranks, Device& device) {
             try {
-                train(device, capture(), out, count > 1 ? &ranks : nullptr, {stage},
-                      [&](TrainSettings& settings) {
-                          settings.afterStep = [&](const std::string&, int64_t done) {
-                              if (done == steps && ranks.rank() == count - 1) raise(SIGINT);
-                          };
-                      });
+                train(
+                    device, capture(), out, count > 1 ? &ranks : nullptr, {stage},
+                    [&](TrainSettings& settings) {
+                        settings.afterStep = [&](const std::string&, int64_t done) {
+                            if (done == steps && ranks.rank() == count - 1) raise(SIGINT);
+                        };
+                    },
+                    preset);
             } catch (const Interrupted& stop) {
                 ++stopped;
                 EXPECT_EQ(stop.kept.empty(), ranks.rank() != 0) << "rank 0 alone keeps";
@@ -266,10 +269,15 @@ std::unique_ptr<Folder> SharedTraining::folder_;
 // The first moments of parameters are means of their gradients: of two steps, for the second is
 // under way when the first is reported.
 TEST_F(SharedTraining, GradientsOfASplitBatchAreTheWholeBatchs) {
+    // Networks hardly move, for Adam's first step has the sign of each gradient, whatever its size:
+    // where that is a rounding it would lead the second step's gradients apart.
+    Preset preset = sharedPreset();
+    preset.mesh.lr = preset.texture.lr = preset.refine.lr = preset.refine.lrDiscriminator = 1e-9;
     for (const std::string& stage : stageNames()) {
         if (stage == "caps") continue;  // which has no gradients
         auto first = [&](int count) {
-            return stoppedAfter(1, stage, count, copyOfBase(fmt::format("{}{}", stage, count)));
+            return stoppedAfter(1, stage, count, copyOfBase(fmt::format("{}{}", stage, count)),
+                                preset);
         };
         const WeightMap whole = first(1);
         for (int count : {2, 4}) {
@@ -291,7 +299,7 @@ TEST_F(SharedTraining, GradientsOfASplitBatchAreTheWholeBatchs) {
             ASSERT_GT(all, 0) << stage;
             fmt::print("{} of {}: gradients {:.1e} apart\n", stage, count, std::sqrt(square / all));
             // Roundings, and pixels whose difference has another sign for them.
-            EXPECT_LT(std::sqrt(square / all), 2e-3) << stage << " of " << count << apart;
+            EXPECT_LT(std::sqrt(square / all), 1e-4) << stage << " of " << count << apart;
         }
     }
 }
