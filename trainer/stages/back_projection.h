@@ -27,12 +27,13 @@ struct FirstTexels {
 inline constexpr size_t kProjectedFrames = 120;
 
 // Texels that frames show have the mean over the frames (kProjectedFrames at most) of the pixel at
-// each texel's place, weighted by the fourth power of the cosine to the camera, and by a hundredth
-// in the two outermost pixels of a mask, before a screen in the `rim` outermost, whose colours are
-// the inside's (rim.h). A place counts where no other part of the body is before it, and where it
-// is not seen from its side. A texel that no frame sees takes its mirror image on the body's other
-// side where a frame sees that, else what lies around it on the body (colours/unseen_colours.h) and
-// what known people tell (prior/expected_look.h).
+// each texel's place, weighted by the fourth power of the cosine to the camera, by a hundredth in
+// the two outermost pixels of a mask (before a screen in the `rim` outermost) and by a hundredth of
+// that on its border. The border, before a screen all the rim, has the colours of what is further
+// inside (rim.h). A place counts where no other part of the body is before it, and where it is not
+// seen from its side. A texel that no frame sees takes its mirror image on the body's other side
+// where a frame sees that, else what lies around it on the body (colours/unseen_colours.h) and what
+// known people tell (prior/expected_look.h).
 // The frames need masks. Each rank looks at its part of the frames; all get the same, which differs
 // from one process's by rounding.
 FirstTexels backProject(Device& device, const BodyModel& body, const Capture& capture,
