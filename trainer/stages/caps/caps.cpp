@@ -27,6 +27,7 @@ constexpr size_t kSides = 8;
 constexpr size_t kMostUnseen = 3;
 // In fewer frames, one or none from a side, what poses are off by looks like cloth.
 constexpr size_t kFewestFrames = 16;
+constexpr size_t kMostUnseenOfHead = 1;
 // What is nearer to the body than this is no part of a cap but where the cap takes root, m.
 constexpr double kSkin = .015;
 // How far around what lies beyond the preset's depth nearer cells belong to it, m.
@@ -53,7 +54,8 @@ RestBody restBody(const BodyModel& body, const Betas& betas) {
 
 // Whether hair or loose cloth may hang on a vertex: not on face, arms, hands and feet, beside which
 // masks hold what poses are off by.
-bool carries(const BodyModel& body, size_t v) {
+bool carries(const BodyModel& body, size_t v, bool headAlone) {
+    if (headAlone) return body.part[v] == kHead && !body.face[v];
     switch (body.part[v]) {
         case kHead:
         case kTorso:
@@ -96,7 +98,7 @@ struct Hull {
 };
 
 Hull carve(Device& device, const BodyModel& body, const RestBody& rest, const Capture& capture,
-           FrameCache& frames, const CapsPreset& preset, const std::vector<size_t>& chosen) {
+           FrameCache& frames, const CapsPreset& preset, const std::vector<size_t>& chosen, bool headAlone) {
     Hull hull;
     hull.cells = cellsAround(rest.places, preset.reach, preset.cell);
     hull.nearest = nearestPoints(hull.cells, rest.places, preset.reach);
@@ -108,7 +110,7 @@ Hull carve(Device& device, const BodyModel& body, const RestBody& rest, const Ca
         const glm::dvec3 from = hull.cells.centre(hull.cells.place(i)) - rest.places[v];
         const bool outside = glm::dot(from, rest.normals[v]) > 0;
         hull.depth[i] = outside ? glm::length(from) : -glm::length(from);
-        if (outside && carries(body, v)) open.push_back(i);
+        if (outside && carries(body, v, headAlone)) open.push_back(i);
     }
     const Rig rig(body, capture.betas);
     // In how many frames of each side: the picture has the cell; the mask holds it; the mask does
@@ -294,11 +296,12 @@ GrownCap growCap(Device& device, const BodyModel& body, const Capture& capture, 
     if (const size_t gap = longestGap(sides); gap > kMostUnseen)
         return {.why = fmt::format("no frame shows the person from {} of {} sides in a row", gap,
                                    kSides)};
-    if (capture.size() < kFewestFrames)
+    const bool headAlone = capture.size() < kFewestFrames;
+    if (headAlone && longestGap(sides) > kMostUnseenOfHead)
         return {.why = fmt::format("{} frames are too few to tell hair and cloth from poses",
                                    capture.size())};
     const RestBody rest = restBody(body, capture.betas);
-    const Hull hull = carve(device, body, rest, capture, frames, preset, chosen);
+    const Hull hull = carve(device, body, rest, capture, frames, preset, chosen, headAlone);
     const Cells& cells = hull.cells;
     std::vector<size_t> deep;
     for (size_t i = 0; i < hull.filled.size(); ++i)
