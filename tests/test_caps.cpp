@@ -93,34 +93,36 @@ const BodyModel& body() {
     return model;
 }
 
-// A ball of hair that hangs on the head, its centre as far behind the head joint as is said.
-BodyCap ballOfHair(double radius, double behind) {
+// A ball that hangs on a joint, its centre as far behind it as is said: hair, on the head's.
+BodyCap ballOn(size_t joint, double radius, double behind) {
     const Cells cells = cube(static_cast<int>(2 * radius / .01) + 8, .01);
     const glm::dvec3 middle = .005 * glm::dvec3(cells.count);
     const CellSurface surface = surfaceAround(cells, ball(cells, middle, radius));
     const std::vector<double> joints = restJoints(body(), std::vector<double>(10));
-    const double* head = &joints[3 * joint::kHead];
-    const glm::dvec3 centre(head[0], head[1], head[2] - behind);
-    int64_t nape = 0;
+    const double* place = &joints[3 * joint];
+    const glm::dvec3 centre(place[0], place[1], place[2] - behind);
+    int64_t nearest = 0;
     for (int64_t v = 0; v < body().vertexCount; ++v) {
         auto distance = [&](int64_t of) {
             const float* p = &body().templateVertices[size_t(3 * of)];
             return glm::distance(glm::dvec3(p[0], p[1], p[2]), centre);
         };
-        if (distance(v) < distance(nape)) nape = v;
+        if (distance(v) < distance(nearest)) nearest = v;
     }
     BodyCap cap;
     for (const glm::dvec3& p : surface.vertices) {
         for (int k = 0; k < 3; ++k)
             cap.vertices.push_back(static_cast<float>(p[k] - middle[k] + centre[k]));
-        cap.nearest.push_back(nape);
+        cap.nearest.push_back(nearest);
         std::array<float, joint::kCount> row{};
-        row[joint::kHead] = 1;
+        row[joint] = 1;
         cap.weights.insert(cap.weights.end(), row.begin(), row.end());
     }
     for (const auto& f : surface.faces) cap.faces.insert(cap.faces.end(), f.begin(), f.end());
     return cap;
 }
+
+BodyCap ballOfHair(double radius, double behind) { return ballOn(joint::kHead, radius, behind); }
 
 TEST(Caps, ABodyTakesThemAndGivesThemBack) {
     Betas betas{};
@@ -291,15 +293,26 @@ TEST(Caps, NeedToBeSeenFromAround) {
     EXPECT_NE(grown.why.find("sides in a row"), std::string::npos) << grown.why;
 }
 
-TEST(Caps, NeedMoreThanAFrameFromASide) {
+// A frame from a side says too little of where a trunk is, and enough of a head.
+TEST(Caps, OfFewFramesGrowOnHeadsAlone) {
     test::Folder folder;
-    const Capture all =
-        turning(folder / "hair", *withCap(bodyArrays(), ballOfHair(.07, .2), Betas{}));
-    const Capture some = all.subset(std::vector<size_t>{0, 2, 4, 6, 8, 10, 12, 14});
-    FrameCache frames(some);
-    const GrownCap grown = growCap(testDevice(), body(), some, frames, onPreset());
-    EXPECT_FALSE(grown.cap);
-    EXPECT_NE(grown.why.find("8 frames are too few"), std::string::npos) << grown.why;
+    const auto grownOf = [&](const std::string& name, const BodyCap& worn,
+                             const std::vector<size_t>& chosen) {
+        const Capture all = turning(folder / name, *withCap(bodyArrays(), worn, Betas{}));
+        const Capture some = all.subset(chosen);
+        FrameCache frames(some);
+        return growCap(testDevice(), body(), some, frames, onPreset());
+    };
+    const GrownCap hair = grownOf("hair", ballOfHair(.07, .2), {0, 2, 4, 6, 8, 10, 12, 14});
+    ASSERT_TRUE(hair.cap) << hair.why;
+    EXPECT_GT(hair.litres, .5);  // a half of the ball is next to the shoulders
+    EXPECT_LT(hair.litres, 1.4);
+    const GrownCap bag =
+        grownOf("bag", ballOn(joint::kPelvis, .07, .2), {0, 2, 4, 6, 8, 10, 12, 14});
+    EXPECT_FALSE(bag.cap) << bag.litres;
+    const GrownCap fromFive = grownOf("five", ballOfHair(.07, .2), {0, 2, 5, 8, 12});
+    EXPECT_FALSE(fromFive.cap) << fromFive.litres;
+    EXPECT_NE(fromFive.why.find("5 frames are too few"), std::string::npos) << fromFive.why;
 }
 
 // Through a training and back from disk; a second training of the same finds it done.

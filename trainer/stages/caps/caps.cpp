@@ -25,9 +25,10 @@ constexpr size_t kMostFrames = 96;
 constexpr size_t kSides = 8;
 // Somebody who is not seen from as many sides in a row has a hull that no mask has cut.
 constexpr size_t kMostUnseen = 3;
-// In fewer frames, one or none from a side, what poses are off by looks like cloth.
-constexpr size_t kFewestFrames = 16;
-constexpr size_t kMostUnseenOfHead = 1;
+// In fewer frames, one or none from a side, what trunk and limbs are off by looks like cloth. A
+// head is one piece, whose place and turn are better known: what hangs beside it is hair. From
+// fewer sides than this the hull has corners.
+constexpr size_t kFewestFrames = 16, kFewestSidesOfHead = 6;
 // What is nearer to the body than this is no part of a cap but where the cap takes root, m.
 constexpr double kSkin = .015;
 // How far around what lies beyond the preset's depth nearer cells belong to it, m.
@@ -52,8 +53,8 @@ RestBody restBody(const BodyModel& body, const Betas& betas) {
     return rest;
 }
 
-// Whether hair or loose cloth may hang on a vertex: not on face, arms, hands and feet, beside which
-// masks hold what poses are off by.
+// Whether hair or loose cloth may hang on a vertex (hair alone: headAlone): not on face, arms,
+// hands and feet, beside which masks hold what poses are off by.
 bool carries(const BodyModel& body, size_t v, bool headAlone) {
     if (headAlone) return body.part[v] == kHead && !body.face[v];
     switch (body.part[v]) {
@@ -98,7 +99,8 @@ struct Hull {
 };
 
 Hull carve(Device& device, const BodyModel& body, const RestBody& rest, const Capture& capture,
-           FrameCache& frames, const CapsPreset& preset, const std::vector<size_t>& chosen, bool headAlone) {
+           FrameCache& frames, const CapsPreset& preset, const std::vector<size_t>& chosen,
+           bool headAlone) {
     Hull hull;
     hull.cells = cellsAround(rest.places, preset.reach, preset.cell);
     hull.nearest = nearestPoints(hull.cells, rest.places, preset.reach);
@@ -297,7 +299,8 @@ GrownCap growCap(Device& device, const BodyModel& body, const Capture& capture, 
         return {.why = fmt::format("no frame shows the person from {} of {} sides in a row", gap,
                                    kSides)};
     const bool headAlone = capture.size() < kFewestFrames;
-    if (headAlone && longestGap(sides) > kMostUnseenOfHead)
+    const auto seen = std::ranges::count_if(sides, [](size_t count) { return count > 0; });
+    if (headAlone && static_cast<size_t>(seen) < kFewestSidesOfHead)
         return {.why = fmt::format("{} frames are too few to tell hair and cloth from poses",
                                    capture.size())};
     const RestBody rest = restBody(body, capture.betas);
