@@ -7,7 +7,7 @@
 // the skin next to it, and stays if the frames of each side have it within their masks. What stays
 // and lies far enough from the body becomes a mesh (nn/body/body_caps.h), which the stages after
 // this one move, colour and draw with the body. Of two sides it has to be seen where the body is
-// not, for beside a trunk all masks hold the arms.
+// not, for beside a trunk all masks hold the arms. In few frames the head alone has one.
 #pragma once
 
 #include <optional>
