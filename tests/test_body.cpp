@@ -118,6 +118,12 @@ TEST(Body, RefusesWhatIsWrong) {
     refuse("part", Array::i32({8}, std::vector<int32_t>(8, 15)), "part: element 0 is 15");
     refuse("face_mask", Array::i32({7}, std::vector<int32_t>(7, 1)), "face_mask: expected shape");
     refuse("sole_mask", Array::i32({8}, std::vector<int32_t>(8, 2)), "sole_mask: element 0 is 2");
+    refuse("face_points", Array::i32({468, 3}, std::vector<int32_t>(1404)),
+           "box.npz: face_point_weights is missing");
+    refuse("face_points", Array::i32({468, 3}, std::vector<int32_t>(1404, 8)),
+           "face_points: element 0 is 8; expected 0 to 7");
+    refuse("face_points", Array::i32({25, 3}, std::vector<int32_t>(75)),
+           "face_points: expected shape [468, 3]");
     refuse("vt", zeros({9, 2}), "box.npz: ft is missing");
     refuse("ft", Array::i32({12, 3}, std::vector<int32_t>(36)), "box.npz: vt is missing");
     for (const char* name :

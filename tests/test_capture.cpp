@@ -168,6 +168,8 @@ TEST(Capture, WritesWhatItReads) {
     capture.sourceBetas = Betas{1, 2, 3};
     capture.keypoints = Keypoints{"lsp19", 19, std::vector<float>(4 * 19 * 3, .25f)};
     capture.keypoints->values[19 * 3 + 1] = 7;
+    capture.faces.resize(4);
+    capture.faces[3].assign(kFacePoints, {1, 2, .5f});
     const std::vector<size_t> picked{1, 3};
     const Capture written = writeCapture(capture.subset(picked), folder / "new" / "out");
     const Capture read = readCapture(folder / "new" / "out");
@@ -184,6 +186,9 @@ TEST(Capture, WritesWhatItReads) {
         EXPECT_EQ(*c.sourceBetas, (Betas{1, 2, 3}));
         ASSERT_TRUE(c.keypoints);
         EXPECT_EQ(c.keypoints->values[1], 7);
+        ASSERT_EQ(c.faces.size(), 2u);
+        EXPECT_TRUE(c.faces[0].empty());
+        EXPECT_EQ(c.faces[1], capture.faces[3]);
         EXPECT_TRUE(c.hasMasks());
         EXPECT_EQ(FrameCache(c).load(1)->rgb[0], 4);
     }
@@ -384,6 +389,14 @@ TEST(Capture, SaysWhatIsWrong) {
            [&] { folder.write("c/capture.toml", "fps = -1"); });
     expect("c/keypoints.npy: expected 3 frames, as images/ has, found 2", [&] {
         writeNpy(c / "keypoints.npy", Array::f32({2, 25, 3}, std::vector<float>(150)));
+    });
+    expect("c/faces.npy: expected shape [3, 468, 3]", [&] {
+        writeNpy(c / "faces.npy", Array::f32({3, 25, 3}, std::vector<float>(225)));
+    });
+    expect("c/faces.npy", [&] {
+        std::vector<float> values(3 * kFacePoints * 3);
+        values[5] = NAN;
+        writeNpy(c / "faces.npy", Array::f32({3, kFacePoints, 3}, values));
     });
     expect("c/keypoints.npy: expected 25 keypoints (openpose25) or 19 (lsp19)", [&] {
         writeNpy(c / "keypoints.npy", Array::f32({3, 5, 3}, std::vector<float>(45)));

@@ -288,6 +288,9 @@ TEST(SeenHeads, GivenHeadsTurnToWhereFacesLook) {
     takeSeenHeads(found, request);
     EXPECT_EQ(found.theta, capture.theta);
     EXPECT_FALSE(found.source.contains("heads"));
+    ASSERT_EQ(found.faces.size(), capture.size());
+    EXPECT_TRUE(found.faces[7].empty());  // the person is elsewhere
+    EXPECT_GT(std::ranges::count_if(found.faces, [](const auto& f) { return !f.empty(); }), 1);
     request.givenHeads = false;
     takeSeenHeads(found, request);
     EXPECT_EQ(found.theta[7], capture.theta[7]);

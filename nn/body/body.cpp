@@ -158,6 +158,16 @@ void readModelSize(const Reader& in, BodyModel& body) {
 
 }  // namespace
 
+SparseMatrix matrixOf(const SurfacePoints& points, int64_t vertexCount) {
+    SparseMatrix matrix;
+    matrix.columns = vertexCount;
+    for (size_t k = 0; k < points.corners.size(); ++k) {
+        matrix.add(points.corners[k], points.weights[k]);
+        if (k % 3 == 2) matrix.endRow();
+    }
+    return matrix;
+}
+
 std::vector<float> BodyModel::restVertices() const {
     std::vector<float> rest = templateVertices;
     for (size_t i = 0; i < offsets.size(); ++i) rest[i] += offsets[i];
@@ -253,6 +263,17 @@ BodyModel bodyFromNpz(const Npz& arrays) {
         in.find("face_mask") ? in.labels("face_mask", body.vertexCount, 2) : faceFromWeights(body);
     body.sole = in.find("sole_mask") ? in.labels("sole_mask", body.vertexCount, 2)
                                      : solesFromTemplate(body);
+    if (in.find("face_points") || in.find("face_point_weights") || in.find("face_point_trust")) {
+        constexpr auto kPoints = static_cast<int64_t>(kFacePoints);
+        body.facePoints = {in.indices("face_points", {kPoints, 3}, body.vertexCount),
+                           in.numbers("face_point_weights", {kPoints, 3}),
+                           in.numbers("face_point_trust", {kPoints})};
+        in.checkRows("face_point_weights", body.facePoints.weights, 3, 1e-3);
+        for (size_t i = 0; i < kFacePoints; ++i)
+            if (!(body.facePoints.trust[i] >= 0 && body.facePoints.trust[i] <= 1))
+                throwInput("{}: element {} is {}; expected 0 to 1", in.where("face_point_trust"), i,
+                           body.facePoints.trust[i]);
+    }
     if (in.find("vt") || in.find("ft")) {
         body.uvs = in.numbers("vt", {-1, 2});
         body.uvCount = static_cast<int64_t>(body.uvs.size() / 2);

@@ -10,8 +10,19 @@
 
 #include "engine/files/npz.h"
 #include "nn/body/joint.h"
+#include "nn/core/sparse.h"
 
 namespace doppel {
+
+// Points on a surface: each a mean of the corners of a face.
+struct SurfacePoints {
+    std::vector<int32_t> corners;  // [P,3] vertices
+    std::vector<float> weights;    // [P,3] each row sums to one
+    std::vector<float> trust;      // [P] 0 to 1: how surely it is the same place on everybody
+    bool empty() const { return corners.empty(); }
+};
+// [P,V]: what the points are of a body's vertices.
+SparseMatrix matrixOf(const SurfacePoints& points, int64_t vertexCount);
 
 // Rest pose: metres, y up, x to the body's left, z forward. C order.
 struct BodyModel {
@@ -31,6 +42,7 @@ struct BodyModel {
     std::vector<int32_t> uvFaces;         // [F,3] into uvs, corner by corner as faces
     std::vector<uint8_t> part;            // [V] BodyPart
     std::vector<uint8_t> face, sole;      // [V] 1 inside
+    SurfacePoints facePoints;             // kFacePoints, or empty: nobody knows where they are
     // Those of the model itself, which are the first; what follows is a person's cap
     // (nn/body/body_caps.h).
     int64_t modelVertices = 0, modelFaces = 0, modelUvs = 0;
@@ -48,6 +60,8 @@ struct BodyModel {
 //     posedirs [V,3,207]                          optional
 //     vt [T,2] and ft [F,3]                       optional: an atlas is made (see body_atlas.h)
 //     part [V], face_mask [V], sole_mask [V]      optional: from weights and template
+//     face_points [468,3], face_point_weights [468,3], face_point_trust [468]
+//                                                 optional, together: facePoints
 //     offsets [V,3]                               optional: a person's, from training
 //     model_size [3]                              optional: how many of the vertices, faces and
 //                                                 rows of vt are the model's; the rest is a cap

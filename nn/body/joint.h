@@ -72,4 +72,7 @@ enum BodyPart : uint8_t {
     kBodyPartEnd,
 };
 
+// Points of a face: those of MediaPipe's Face Mesh, in its order.
+inline constexpr size_t kFacePoints = 468;
+
 }  // namespace doppel

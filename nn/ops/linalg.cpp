@@ -5,6 +5,7 @@
 
 #include "engine/files/numbers.h"
 #include "linalg/params.h"
+#include "nn/body/mesh_topology.h"
 #include "nn/core/op.h"
 
 namespace doppel {
@@ -19,6 +20,70 @@ Tensor largestMagnitude(Graph& graph, const Tensor& x) {
                    LargestParams{u32(x.elements())}, (elements + kLargestEach - 1) / kLargestEach,
                    {{"local_size", kLanes}});
     return largest;
+}
+
+namespace {
+
+// Rows of entries, each a column and a place among the matrix's numbers.
+struct SparseRows {
+    std::vector<int32_t> begin, entries;
+};
+
+SparseRows rowsOf(const SparseMatrix& a) {
+    SparseRows rows{a.begin, {}};
+    for (size_t n = 0; n < a.column.size(); ++n)
+        rows.entries.insert(rows.entries.end(), {a.column[n], static_cast<int32_t>(n)});
+    return rows;
+}
+
+// Each sum over a row has the order of the rows of `a`.
+SparseRows transposedRowsOf(const SparseMatrix& a) {
+    SparseRows rows{std::vector<int32_t>(static_cast<size_t>(a.columns) + 1),
+                    std::vector<int32_t>(2 * a.column.size())};
+    for (const int32_t column : a.column) ++rows.begin[static_cast<size_t>(column) + 1];
+    for (size_t c = 1; c < rows.begin.size(); ++c) rows.begin[c] += rows.begin[c - 1];
+    std::vector<int32_t> next(rows.begin.begin(), rows.begin.end() - 1);
+    for (size_t row = 0; row + 1 < a.begin.size(); ++row)
+        for (int32_t n = a.begin[row]; n < a.begin[row + 1]; ++n) {
+            const auto at =
+                static_cast<size_t>(next[static_cast<size_t>(a.column[static_cast<size_t>(n)])]++);
+            rows.entries[2 * at] = static_cast<int32_t>(row);
+            rows.entries[2 * at + 1] = n;
+        }
+    return rows;
+}
+
+// y = A x; value [n] are the numbers of `a`, whose own do not count.
+Tensor sparseProduct(Graph& graph, const SparseMatrix& a, const Tensor& value, const Tensor& x) {
+    const int64_t channels = x.dim(-1);
+    CHECK(x.elements() == a.columns * channels, "a matrix [{},{}] is multiplied by {} rows, not {}",
+          a.rows(), a.columns, a.columns, toString(x.shape));
+    Tensor y = graph.temporary({a.rows(), channels});
+    const auto multiply = [value, channels, &graph](const SparseRows& rows, const Tensor& by,
+                                                    const Tensor& to) {
+        const uint32_t count = u32(static_cast<int64_t>(rows.begin.size()) - 1);
+        graph.dispatch("linalg/sparse_product.forward",
+                       {{"begin", listConstant(graph, rows.begin)},
+                        {"entries", listConstant(graph, rows.entries)},
+                        {"value", value},
+                        {"x", by},
+                        {"y", to}},
+                       SparseProductParams{count, u32(channels)}, count);
+    };
+    graph.beginOp("sparse_product");
+    multiply(rowsOf(a), x, y);
+    graph.differentiate({x}, {y}, [=, back = transposedRowsOf(a), &graph] {
+        multiply(back, graph.gradient(y), graph.gradientTarget(x));
+    });
+    return y;
+}
+
+}  // namespace
+
+Tensor sparseProduct(Graph& graph, const SparseMatrix& a, const Tensor& x) {
+    const auto count = static_cast<int64_t>(a.value.size());
+    CHECK(a.column.size() == a.value.size() && count > 0, "a matrix has numbers");
+    return sparseProduct(graph, a, graph.constant(std::span<const float>(a.value), {count}), x);
 }
 
 void sumAxis(Graph& graph, const Tensor& x, int64_t outer, int64_t count, int64_t inner,
@@ -148,6 +213,26 @@ Tensor linear(Graph& graph, const Tensor& x, const Tensor& weight, const Tensor&
     });
     return y;
 }
+
+static const Op kSparseProduct{{
+    .name = "sparse_product",
+    .inputs = "begin:i32[B] column:i32[E] value[E] x[M,C]",
+    .outputs = "y",
+    .differentiable = "x",
+    .build =
+        [](OpCall& c) {
+            SparseMatrix a{c["x"].dim(0), c.ints("begin"), c.ints("column"), {}};
+            const int64_t count = c["value"].dim(0);
+            if (a.begin.size() < 2 || a.begin.front() != 0 || a.begin.back() != count ||
+                !std::ranges::is_sorted(a.begin))
+                throwInput("sparse_product: begin: expected numbers that rise from 0 to {}", count);
+            for (const int32_t column : a.column)
+                if (column < 0 || column >= a.columns)
+                    throwInput("sparse_product: column has {}; expected 0 to {}", column,
+                               a.columns - 1);
+            c.result("y", sparseProduct(c.graph, a, c["value"], c["x"]));
+        },
+}};
 
 static const Op kLinear{{
     .name = "linear",

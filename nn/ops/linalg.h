@@ -3,6 +3,7 @@
 
 #include "nn/core/graph.h"
 #include "nn/core/rows.h"
+#include "nn/core/sparse.h"
 
 namespace doppel {
 
@@ -67,6 +68,10 @@ Tensor linear(Graph& graph, const Tensor& x, const Tensor& weight, const Tensor&
 // transposed where asked. Gradients to both.
 Tensor matmul(Graph& graph, const Tensor& a, const Tensor& b, bool transA = false,
               bool transB = false);
+
+// y[N,C] = A x[M,C], A [N,M] a constant of the graph; x may have any shape of M rows of C numbers.
+// Gradient to x, gathered row by row in a fixed order.
+Tensor sparseProduct(Graph& graph, const SparseMatrix& a, const Tensor& x);
 
 // target[outer, inner] = (or +=) sum over the middle axis of x[outer, count, inner], in a fixed
 // order; adds dispatches to the current op, no gradient of its own.

@@ -8,9 +8,11 @@
 #include <glm/geometric.hpp>
 #include <glm/vec3.hpp>
 
+#include "nn/body/seams.h"
 #include "nn/ops/body.h"
 #include "nn/ops/elementwise.h"
 #include "nn/ops/fit.h"
+#include "nn/ops/linalg.h"
 #include "nn/ops/loss.h"
 #include "nn/ops/mesh.h"
 #include "nn/ops/texture.h"
@@ -32,6 +34,9 @@ constexpr float kLeastFace = .25f;
 // face, hands and soles, where K(v) is 0, they do not.
 constexpr float kMovingFaces = .3f;
 // Bones end where hands are clenched, or bent back (HandAmounts).
+// Part of a crop, in which a face is a tenth, from which on a point of the face that is seen
+// elsewhere counts less.
+constexpr float kFaceScale = .015f;
 constexpr float kLeastHand = -.25f, kMostHand = 1.5f;
 
 // Of each face [F]: its part of the area of the surface verts [V,3], times kMovingFaces but where
@@ -174,6 +179,8 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
         for (size_t i = 3; i < rows.size(); i += 4) rows[i] = static_cast<float>(preset.facing);
         look.facing = graph.constant(std::span<const float>(rows), {V, 4});
     }
+    const bool seesFaces = start.faces && preset.facePoints > 0;
+    const SparseMatrix facePoints = seesFaces ? matrixOf(body.facePoints, V) : SparseMatrix();
     const SurfaceOptions drawing{.samples = preset.samples};
     for (int i = 0; i < preset.batch; ++i)
         poseSteps.push_back(graph.input({sizeof(StepParams) / 4}, ElementType::I32));
@@ -220,6 +227,13 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
                 pyramidLoss(graph, drawn.image, sample.image, sample.counts, sample.scale,
                             weights(preset.colour1, preset.colour2, preset.colour4, preset.colour8),
                             static_cast<float>(preset.robust)));
+        if (seesFaces) {
+            sample.face = graph.input({facePoints.rows(), 3});
+            losses.term("face", preset.facePoints,
+                        keypointLoss(graph, sparseProduct(graph, facePoints, posed.verts),
+                                     sample.face, sample.camera,
+                                     kFaceScale * static_cast<float>(size * preset.samples)));
+        }
         if (start.movesPoses)
             losses.term(
                 "prior", 1,
@@ -257,6 +271,18 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
         Tensor ones = graph.constant(std::vector<float>(count, 1.0f), {texture, texture});
         Tensor mean = graph.constant(std::vector<float>{1 / static_cast<float>(3 * count)}, {1});
         losses.term("texels", weight, pyramidLoss(graph, albedo, first, ones, mean, {.cell1 = 1}));
+    }
+    if (movesTexels && preset.seams > 0) {
+        // The mean square, as of one picture with a pixel for each texel along the seams.
+        const SparseMatrix differences = seamDifferences(body, static_cast<int>(texture));
+        const Shape across{1, differences.rows(), 3}, pixels{1, differences.rows()};
+        const auto count = static_cast<size_t>(differences.rows());
+        Tensor nothing = graph.constant(std::vector<float>(3 * count), across);
+        Tensor ones = graph.constant(std::vector<float>(count, 1.0f), pixels);
+        Tensor mean = graph.constant(std::vector<float>{1 / static_cast<float>(3 * count)}, {1});
+        losses.term("seams", preset.seams,
+                    pyramidLoss(graph, sparseProduct(graph, differences, albedo).reshaped(across),
+                                nothing, ones, mean, {.cell1 = 1}));
     }
     graph.backward(losses.sum());
 

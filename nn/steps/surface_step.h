@@ -55,6 +55,7 @@ namespace doppel {
     NUMBER(double, colour4, .5, 0, kNoLimit, "of 4")                                             \
     NUMBER(double, colour8, 0, 0, kNoLimit, "of 8")                                              \
     NUMBER(double, robust, .02, 0, 1, "difference of colours from which on outliers count less") \
+    NUMBER(double, facePoints, 0, 0, kNoLimit, "weight of faces' points where they are seen")    \
     NUMBER(double, priorTheta, .05, 0, kNoLimit, "weight of staying near the given rotations")   \
     NUMBER(double, priorTrans, .5, 0, kNoLimit, "weight of staying near the given places")       \
     NUMBER(double, smoothTheta, 0, 0, kNoLimit, "weight of an even motion, in videos")           \
@@ -69,6 +70,8 @@ namespace doppel {
            "outermost pixels of masks, before a screen, that take the colours of the inside")    \
     NUMBER(double, stayTexels, 0, 0, kNoLimit,                                                   \
            "weight of texels near those that frames gave first, over how many frames there are") \
+    NUMBER(double, seams, 0, 0, kNoLimit,                                                        \
+           "weight of texels that are equal on both sides of the atlas's seams")                 \
     NUMBER(double, smooth, 500, 0, kNoLimit, "weight of smooth offsets")                         \
     NUMBER(double, hands, 1, 1, 1e6, "times as much of it on the hands")                         \
     NUMBER(double, face, 1, 1, 1e6, "times as much of it on the face")                           \
@@ -91,6 +94,7 @@ struct SurfaceStart {
     HandAmounts hands{};       // how hands begin
     bool movesPoses = true, movesOffsets = true, movesTexels = true;
     bool video = false;  // neighbouring frames tell about each other
+    bool faces = false;  // it is known where points of faces are seen
 };
 
 // A frame comes by seldom: shorter memories than networks have, and nothing that pulls to zero.
@@ -136,9 +140,12 @@ struct SurfaceStep {
         Tensor mask, counts;       // [S,S]; counts: the part of a pixel that the frame shows
         Tensor scale;              // [1] one over the mask's sum
         Tensor image, background;  // [S,S,3]; empty without colours
+        // [P,3] as keypointLoss() has it, in the camera's pixels; empty without faces
+        Tensor face;
     };
     Graph graph;
-    Losses losses{graph};  // silhouette (L_s), colour (L_c), prior, offsets, folds, texels
+    Losses losses{graph};  // silhouette (L_s), colour (L_c), face, prior, offsets, folds, texels,
+                           // seams
     // Of each frame of the batch: StepParams with the frame, and the corrections of how often it
     // has come by.
     std::vector<Tensor> poseSteps;

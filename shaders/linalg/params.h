@@ -40,6 +40,9 @@ struct PanelsParams {
 struct LargestParams {
     uint elements;
 };
+struct SparseProductParams {
+    uint rows, channels;
+};
 struct SumParams {
     uint outer, count, inner;  // x[outer, count, inner]
     uint partLength;           // one invocation sums so many of count

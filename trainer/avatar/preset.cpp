@@ -123,6 +123,7 @@ Preset presetByName(std::string_view name) {
     preset.fit.priorBeta = 3e-4;
     preset.fit.keypoints = .3;  // what clothes stand off, outlines would have the body fill
     preset.texels.others = 60;
+    preset.shape.facePoints = preset.texels.facePoints = .3;
     preset.shape.hands = preset.texels.hands = 1e4;
     preset.mesh.hands = 1000;
     preset.shape.lrHands = .02;

@@ -65,6 +65,25 @@ Keypoints readKeypoints(const fs::path& path, std::string scheme, size_t frames)
     return keypoints;
 }
 
+std::vector<SeenFace> readFaces(const fs::path& path, size_t frames) {
+    constexpr auto kPoints = static_cast<int64_t>(kFacePoints);
+    const std::string file = path.string();
+    const std::vector<float> values =
+        readNpy(path).requireShape({static_cast<int64_t>(frames), kPoints, 3}, file).toF32();
+    requireFinite(values, file, 3 * kFacePoints);
+    std::vector<SeenFace> faces(frames);
+    for (size_t f = 0; f < frames; ++f) {
+        SeenFace face(kFacePoints);
+        bool seen = false;
+        for (size_t k = 0; k < kFacePoints; ++k) {
+            std::copy_n(&values[3 * (f * kFacePoints + k)], 3, face[k].begin());
+            seen |= face[k][2] > 0;
+        }
+        if (seen) faces[f] = std::move(face);
+    }
+    return faces;
+}
+
 void requireFolder(const fs::path& folder, const char* what) {
     std::error_code error;
     if (fs::is_directory(folder, error)) return;
@@ -153,6 +172,7 @@ Capture Capture::subset(std::span<const size_t> indices) const {
         part.theta.push_back(theta[i]);
         part.trans.push_back(trans[i]);
         if (!gains.empty()) part.gains.push_back(gains[i]);
+        if (!faces.empty()) part.faces.push_back(faces[i]);
         if (keypoints) {
             const auto size = std::ptrdiff_t(3 * keypoints->count);
             const auto from = keypoints->values.begin() + std::ptrdiff_t(i) * size;
@@ -233,6 +253,8 @@ Capture readCapture(const fs::path& folder) {
     if (fs::exists(folder / "keypoints.npy", error)) {
         capture.keypoints = readKeypoints(folder / "keypoints.npy", notes.scheme, names.size());
     }
+    if (fs::exists(folder / "faces.npy", error))
+        capture.faces = readFaces(folder / "faces.npy", names.size());
     return capture;
 }
 

@@ -8,6 +8,8 @@
 //                              identity), height, width (0-d or [F])
 //     poses.npz                betas [10], global_orient [F,3], body_pose [F,69], transl [F,3]
 //     keypoints.npy            optional: [F,K,3], u, v in pixels and confidence
+//     faces.npy                optional: [F,468,3], u, v in pixels and confidence of points of
+//                              the face (trainer/person/face.h)
 //     capture.toml             optional: name, actor and motion (of a capture in a collection, see
 //                              findCaptures), fps, frames (the names in order), [keypoints]
 //                              scheme, [source] how it was made
@@ -55,6 +57,10 @@ std::span<const int> keypointJoints(std::string_view scheme);
 // Its numbers of nose, left eye, right eye, left ear and right ear. InputError likewise.
 std::array<size_t, 5> keypointFace(std::string_view scheme);
 
+// Where points of a face (kFacePoints, nn/body/joint.h) are seen: u, v (pixels), confidence (0: not
+// seen). Empty where no face was found.
+using SeenFace = std::vector<std::array<float, 3>>;
+
 // What a frame's exposure and white balance make of colours that are encoded as sRGB: factors of
 // red, green and blue.
 using Gain = std::array<float, 3>;
@@ -73,6 +79,7 @@ struct Capture {
     // were looked for. FrameCache takes them out.
     std::vector<Gain> gains;
     std::optional<Keypoints> keypoints;
+    std::vector<SeenFace> faces;  // per frame; empty: none were looked for
     // How it was made, written as strings into capture.toml's [source].
     std::map<std::string, std::string> source;
     // Shape coefficients of the source's own body model: no meaning for another body.

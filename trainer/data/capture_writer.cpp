@@ -80,6 +80,15 @@ Capture CaptureWriter::commit(const Capture& capture) {
                  Array::f32({int64_t(frames), int64_t(k.count), 3}, k.values));
         notes.scheme = k.scheme;
     }
+    if (std::ranges::any_of(capture.faces, [](const SeenFace& face) { return !face.empty(); })) {
+        std::vector<float> values;
+        for (SeenFace face : capture.faces) {
+            face.resize(kFacePoints);
+            for (const auto& point : face) values.insert(values.end(), point.begin(), point.end());
+        }
+        writeNpy(folder / "faces.npy",
+                 Array::f32({int64_t(frames), int64_t(kFacePoints), 3}, values));
+    }
     const std::string written = notesText(notes);
     writeWholeFile(folder / "capture.toml",
                    std::span(reinterpret_cast<const uint8_t*>(written.data()), written.size()));

@@ -40,9 +40,9 @@ public:
     void addImage(const std::string& name, int width, int height, std::span<const uint8_t> rgb);
     void addMask(const std::string& name, int width, int height, std::span<const uint8_t> mask);
 
-    // Writes cameras, poses, keypoints and capture.toml (frames[i].image and mask are looked up by
-    // name among what was added), checks them as readCapture does, and renames the folder. Returns
-    // the capture as it is now on disk.
+    // Writes cameras, poses, keypoints, faces and capture.toml (frames[i].image and mask are looked
+    // up by name among what was added), checks them as readCapture does, and renames the folder.
+    // Returns the capture as it is now on disk.
     Capture commit(const Capture& capture);
 
 private:

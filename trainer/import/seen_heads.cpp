@@ -53,15 +53,14 @@ std::optional<PersonLandmarks> personAt(BlazePose& pose, const Image& picture, c
 }  // namespace
 
 void takeSeenHeads(Capture& capture, const ImportRequest& request) {
-    if (request.givenHeads || !request.device || !FaceFinder::isThere() ||
-        !poseModelsAreThere(request.net))
-        return;
+    if (!request.device || !FaceFinder::isThere() || !poseModelsAreThere(request.net)) return;
     const BodyModel& body = *request.body;
     BlazePose pose(*request.device, request.net);
     FaceFinder faces(*request.device);
     BodyPoser bodies(*request.device, body);
     const BodyPoser3d poser(body, capture.betas);
     std::vector<Theta> looks = capture.theta;
+    capture.faces.assign(capture.size(), {});
     size_t people = 0, seenFaces = 0;
     Progress progress("find the heads", int64_t(capture.size()));
     for (size_t f = 0; f < capture.size(); ++f) {
@@ -79,8 +78,11 @@ void takeSeenHeads(Capture& capture, const ImportRequest& request) {
             poser(poser.atJoints(*person, camera), camera, face ? face->axes() : std::nullopt)
                 .theta;
         ++people;
-        if (face) ++seenFaces;
+        if (!face) continue;
+        ++seenFaces;
+        capture.faces[f] = face->seen();
     }
+    if (request.givenHeads) return;
     aimHeads(body, looks, capture.theta);
     capture.source["heads"] = fmt::format("as the face looks in {} frames of {}, by the ears in {}",
                                           seenFaces, capture.size(), people - seenFaces);

@@ -29,7 +29,7 @@ namespace {
 
 struct Found {
     Track track;
-    std::vector<std::optional<glm::dmat3>> faces;  // FaceMesh::axes()
+    std::vector<std::optional<FaceMesh>> faces;
     std::vector<double> times;
     std::vector<int32_t> numbers;    // in the clip
     Digest pictures;                 // and the network's masks of them
@@ -395,7 +395,7 @@ Capture readClip(const ImportRequest& request) {
         person->mask = {};
         std::optional<FaceMesh> face;
         if (looksAtFaces) face = faces(picture, *person);
-        found.faces.push_back(face ? face->axes() : std::nullopt);
+        found.faces.push_back(std::move(face));
         writeOnce(answers, frame.image, picture.data, [&] { writeImage(frame.image, picture); });
         capture.frames.push_back(std::move(frame));
         found.track.push_back(std::move(person));
@@ -410,7 +410,7 @@ Capture readClip(const ImportRequest& request) {
             request.source.string(), nobody);
     }
     const auto seenFaces =
-        std::ranges::count_if(found.faces, [](const auto& f) { return bool(f); });
+        std::ranges::count_if(found.faces, [](const auto& f) { return f && f->axes(); });
     capture.source["heads"] =
         looksAtFaces ? fmt::format("as the face looks in {} frames of {}, else by the ears",
                                    seenFaces, found.faces.size())
@@ -427,7 +427,9 @@ Capture readClip(const ImportRequest& request) {
     for (size_t f = 0; f < capture.frames.size(); ++f) {
         const Camera& camera = capture.frames[f].camera;
         const PersonLandmarks person = poser.atJoints(*found.track[f], camera);
-        const BodyStart start = poser(person, camera, found.faces[f]);
+        const std::optional<FaceMesh>& face = found.faces[f];
+        const BodyStart start = poser(person, camera, face ? face->axes() : std::nullopt);
+        if (looksAtFaces) capture.faces.push_back(face ? face->seen() : SeenFace());
         capture.theta.push_back(start.theta);
         capture.trans.push_back(start.trans);
         const auto keypoints = openPoseKeypoints(person);

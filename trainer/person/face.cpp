@@ -69,6 +69,14 @@ std::optional<glm::dmat3> FaceMesh::axes() const {
     return glm::dmat3(x, glm::cross(z, x), z);
 }
 
+SeenFace FaceMesh::seen() const {
+    SeenFace face;
+    for (const Point3& p : points)
+        face.push_back(
+            {static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(presence)});
+    return face;
+}
+
 FaceMesh faceOf(const std::vector<float>& points, float presence, const Roi& roi) {
     CHECK(points.size() == 3 * FaceMesh::kPoints, "a face has {} points", FaceMesh::kPoints);
     FaceMesh face;

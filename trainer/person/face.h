@@ -11,12 +11,13 @@
 
 #include "engine/device.h"
 #include "engine/io/image.h"
+#include "trainer/data/capture.h"
 #include "trainer/person/blazepose.h"
 
 namespace doppel {
 
 struct FaceMesh {
-    static constexpr size_t kPoints = 468;
+    static constexpr size_t kPoints = kFacePoints;
     double presence = 0;  // [0, 1]: that the square shows a face
     Roi roi;              // where the network looked
     // pixels across and down; z away from the camera on the same scale, about the face's middle.
@@ -26,6 +27,8 @@ struct FaceMesh {
     // down and away from the camera, as if it were in the picture's middle. Orthonormal; nothing
     // where the points span no face.
     std::optional<glm::dmat3> axes() const;
+
+    SeenFace seen() const;  // its points with its presence as their confidence
 };
 
 class FaceFinder {

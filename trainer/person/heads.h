@@ -8,6 +8,7 @@
 
 #include "nn/body/body.h"
 #include "trainer/data/camera.h"
+#include "trainer/data/capture.h"
 #include "trainer/data/pose.h"
 
 namespace doppel {
@@ -31,5 +32,12 @@ extern const std::array<glm::dvec3, 5> kFace;
 std::array<float, 3> headJointSeen(const BodyModel& body, const Theta& pose,
                                    const glm::dvec3& place, const FacePoints& points,
                                    const Camera& camera);
+
+// Where a frame wants the points of its face, [P,3] for those of body.facePoints: u, v in its
+// pixels and how much each counts, which is less where the point is not the same place on
+// everybody, or where the face, in this pose, is seen from its side. All 0 where no face was found.
+// verts: the body in the frame's pose [V,3], camera space.
+std::vector<float> faceTargets(const BodyModel& body, std::span<const float> verts,
+                               const SeenFace& seen);
 
 }  // namespace doppel

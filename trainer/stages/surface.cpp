@@ -8,6 +8,7 @@
 #include "nn/steps/light.h"
 #include "trainer/avatar/background.h"
 #include "trainer/avatar/checkpoint.h"
+#include "trainer/person/heads.h"
 #include "trainer/stages/back_projection.h"
 #include "trainer/stages/colours/hand_colours.h"
 #include "trainer/stages/fit.h"
@@ -101,6 +102,22 @@ SurfacePreset ownPixels(SurfacePreset preset, Device& device, const BodyModel& b
     return preset;
 }
 
+// Whether some frame shows a face, and it is known where its points are on the body.
+bool showsFaces(const BodyModel& body, const Capture& capture) {
+    return !body.facePoints.empty() &&
+           std::ranges::any_of(capture.faces, [](const SeenFace& face) { return !face.empty(); });
+}
+
+// Points [P,3] (u, v, confidence) of a frame's picture as another camera at its place has them.
+std::vector<float> seenBy(const Camera& to, const Camera& from, std::vector<float> points) {
+    for (size_t i = 0; i < points.size(); i += 3) {
+        points[i] = static_cast<float>((double{points[i]} - from.cx) / from.fx * to.fx + to.cx);
+        points[i + 1] =
+            static_cast<float>((double{points[i + 1]} - from.cy) / from.fy * to.fy + to.cy);
+    }
+    return points;
+}
+
 // Steps over crops of one size, from one step on.
 struct Phase {
     int64_t begin;
@@ -147,7 +164,8 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
                         .hands = run.hands,
                         .movesOffsets = run.movesOffsets,
                         .movesTexels = run.movesTexels,
-                        .video = isVideo(capture)},
+                        .video = isVideo(capture),
+                        .faces = showsFaces(body, capture)},
                        preset);
     FrameCache cache(capture);
     std::optional<BackgroundPlates> scene;
@@ -176,6 +194,14 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
             CompileOptions{
                 .memoryBudget = run.memoryBudget, .timestamps = profiles, .ranks = sharing});
     };
+    std::vector<std::vector<float>> faces;
+    if (state.start.faces && preset.facePoints > 0) {
+        BodyPoser poser(device, body);
+        for (size_t f = 0; f < capture.size(); ++f)
+            faces.push_back(faceTargets(
+                body, poser.pose(capture.theta[f], capture.trans[f], capture.betas).verts,
+                capture.faces[f]));
+    }
     size_t phase = 0;
     std::unique_ptr<Scale> scale = scaleOf(phases[phase].preset, true);
     bool started = false;
@@ -232,6 +258,9 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
             step.graph.write(sample.mask, frames.mask(frame));
             step.graph.write(sample.scale, std::vector<float>{frames.scale(frame)});
             step.graph.write(sample.counts, frames.inside(frame));
+            if (sample.face)
+                step.graph.write(sample.face,
+                                 seenBy(camera, capture.frames[frame].camera, faces[frame]));
             if (!coloured) continue;
             step.graph.write(sample.image, frames.image(frame));
             step.graph.write(sample.background, frames.background(frame));
@@ -284,6 +313,7 @@ FitResult fitPosesToMasks(Device& device, const Avatar& avatar, Capture& capture
                    {.preset = avatar.preset.fit, .fitShape = false, .loop = {.seed = seed}});
     SurfaceRun run{.stage = "poses", .preset = avatar.preset.shape, .loop = {.seed = seed}};
     run.preset.steps = stepsForVisits(30, capture, run.preset);
+    run.preset.facePoints = 0;  // masks alone
     run.preset.lrTheta = .008;
     run.preset.lrTrans = .002;
     runSurface(device, avatar.body, capture, run);
@@ -379,6 +409,7 @@ void planSurface(Device& device, const Avatar& avatar, const Capture& capture,
                  const TrainSettings& settings, const SurfacePreset& asked, SurfaceStart start) {
     start.poses = poseRows(capture);
     start.betas = capture.betas;
+    start.faces = showsFaces(avatar.body, capture);
     const SurfacePreset preset = fitting(asked, capture);
     SurfaceState state(device, avatar.body, std::move(start), preset);
     for (const Phase& phase : phasesOf(preset, device, avatar.body, capture))
