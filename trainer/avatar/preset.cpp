@@ -162,6 +162,7 @@ Preset presetByName(std::string_view name) {
         preset.texels.lrOffsets = .02;
         preset.texels.face = 1e4;
         preset.texels.stayTexels = 16;
+        preset.texels.seams = .3;
         // Where poses are off, surfaces crease, and a crease's sides face other views than the skin
         // around them does: whoever sees a place best would paint streaks. Eyes and mouths that
         // views have in other places become one where the best view decides; on a face that is
