@@ -393,6 +393,16 @@ TEST(Capture, SaysWhatIsWrong) {
     expect("c/faces.npy: expected shape [3, 468, 3]", [&] {
         writeNpy(c / "faces.npy", Array::f32({3, 25, 3}, std::vector<float>(225)));
     });
+    expect("c/faces.npy: expected pixels from -1e+07 to 1e+07, found 1e+30", [&] {
+        std::vector<float> values(3 * kFacePoints * 3);
+        values[4] = 1e30f;
+        writeNpy(c / "faces.npy", Array::f32({3, kFacePoints, 3}, values));
+    });
+    expect("c/keypoints.npy: expected confidences from 0 to 2, found -1", [&] {
+        std::vector<float> values(225);
+        values[2] = -1;
+        writeNpy(c / "keypoints.npy", Array::f32({3, 25, 3}, values));
+    });
     expect("c/faces.npy", [&] {
         std::vector<float> values(3 * kFacePoints * 3);
         values[5] = NAN;

@@ -272,9 +272,11 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
         Tensor mean = graph.constant(std::vector<float>{1 / static_cast<float>(3 * count)}, {1});
         losses.term("texels", weight, pyramidLoss(graph, albedo, first, ones, mean, {.cell1 = 1}));
     }
-    if (movesTexels && preset.seams > 0) {
+    SparseMatrix differences;
+    if (movesTexels && preset.seams > 0)
+        differences = seamDifferences(body, static_cast<int>(texture));
+    if (differences.rows() > 0) {
         // The mean square, as of one picture with a pixel for each texel along the seams.
-        const SparseMatrix differences = seamDifferences(body, static_cast<int>(texture));
         const Shape across{1, differences.rows(), 3}, pixels{1, differences.rows()};
         const auto count = static_cast<size_t>(differences.rows());
         Tensor nothing = graph.constant(std::vector<float>(3 * count), across);

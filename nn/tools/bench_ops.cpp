@@ -8,6 +8,7 @@
 #include "nn/body/fingers.h"
 #include "nn/body/joint.h"
 #include "nn/body/mesh_topology.h"
+#include "nn/body/seams.h"
 #include "nn/body/texel_places.h"
 #include "nn/core/op.h"
 #include "nn/ops/optim.h"
@@ -253,6 +254,19 @@ void addOps() {
               {"fingers", {moved}, {}, [] { return fingers.fingers; }},
               {"entries", {moved, FingerRig::kEntryNumbers}, [] { return fingers.entries; }}}});
     CHECK(body.vertexCount == V, "one body");
+    auto sparse = [&](const char* size, const SparseMatrix& a) {
+        const auto count = static_cast<int64_t>(a.value.size());
+        addCase({"sparse_product",
+                 size,
+                 {{"begin", {a.rows() + 1}, {}, [&a] { return a.begin; }},
+                  {"column", {count}, {}, [&a] { return a.column; }},
+                  {"value", {count}, [&a] { return a.value; }},
+                  {"x", {a.columns, 3}}}});
+    };
+    static const SparseMatrix facePoints = matrixOf(body.facePoints, V),
+                              seams = seamDifferences(body, 512);
+    sparse("face", facePoints);
+    sparse("seams", seams);
 
     // ---- rasterizers ------------------------------------------------------------------------
     auto camera = [](double size) {

@@ -5,11 +5,11 @@
 #include "common/op.glsl"
 #include "linalg/params.h"
 PARAMS(SparseProductParams, 5)
-BUFFER(0, readonly, int, begin);    // [rows+1]
+BUFFER(0, readonly, int, begin);      // [rows+1]
 BUFFER(1, readonly, ivec2, entries);  // [n] column, place in value
 BUFFER(2, readonly, float, value);    // [n]
-BUFFER(3, readonly, float, x);      // [columns,channels]
-BUFFER(4, writeonly, float, y);     // [rows,channels]
+BUFFER(3, readonly, float, x);        // [columns,channels]
+BUFFER(4, writeonly, float, y);       // [rows,channels]
 
 ENTRY(forward) {
     uint row = linearIndex();

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "engine/error.h"
 #include "engine/files/ending.h"
@@ -39,6 +40,22 @@ std::map<std::string, fs::path> picturesIn(const fs::path& folder) {
     return pictures;
 }
 
+// Programs give probabilities, or a number that is 1 and a little for what is surely there.
+constexpr float kMostConfidence = 2;
+
+// Points of pictures, [n][3]: u, v and a confidence. A distance of more pixels would have no
+// square.
+void requirePoints(std::span<const float> values, const std::string& file) {
+    constexpr float kFarthest = 1e7f;
+    for (size_t i = 0; i < values.size(); ++i)
+        if (i % 3 < 2 && !(std::abs(values[i]) <= kFarthest))
+            throwInput("{}: expected pixels from {:g} to {:g}, found {:g}", file, -kFarthest,
+                       kFarthest, values[i]);
+        else if (i % 3 == 2 && !(values[i] >= 0 && values[i] <= kMostConfidence))
+            throwInput("{}: expected confidences from 0 to {:g}, found {:g}", file, kMostConfidence,
+                       values[i]);
+}
+
 Keypoints readKeypoints(const fs::path& path, std::string scheme, size_t frames) {
     const Array array = readNpy(path);
     const std::string file = path.string();
@@ -62,6 +79,7 @@ Keypoints readKeypoints(const fs::path& path, std::string scheme, size_t frames)
     }
     Keypoints keypoints{std::move(scheme), int(count), array.toF32()};
     requireFinite(keypoints.values, file, size_t(3 * count));
+    requirePoints(keypoints.values, file);
     return keypoints;
 }
 
@@ -71,6 +89,7 @@ std::vector<SeenFace> readFaces(const fs::path& path, size_t frames) {
     const std::vector<float> values =
         readNpy(path).requireShape({static_cast<int64_t>(frames), kPoints, 3}, file).toF32();
     requireFinite(values, file, 3 * kFacePoints);
+    requirePoints(values, file);
     std::vector<SeenFace> faces(frames);
     for (size_t f = 0; f < frames; ++f) {
         SeenFace face(kFacePoints);

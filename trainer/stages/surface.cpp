@@ -443,6 +443,12 @@ constexpr HandAmounts kHandsAtEase{.5f, 1, .5f, 1};
 void trainShape(Device& device, TrainResult& result, const TrainSettings& settings) {
     Avatar& avatar = result.avatar;
     result.capture.betas = avatar.betas;
+    if (avatar.body.facePoints.empty() && avatar.preset.shape.facePoints > 0 &&
+        std::ranges::any_of(result.capture.faces, [](const auto& face) { return !face.empty(); }))
+        fmt::print(stderr,
+                   "points of the face are left out: {} does not say where they are "
+                   "(face_points; assets/README.md)\n",
+                   avatar.body.file);
     FrameCache cache(result.capture);
     // Hands that have been learned before begin as they are.
     const bool first = avatar.body.offsets.empty();
