@@ -8,9 +8,9 @@
 
 #include "tests/files.h"
 #include "tests/op_test.h"
+#include "tests/recorded_body.h"
 #include "trainer/avatar/preset.h"
 #include "trainer/data/body_render.h"
-#include "trainer/motion/synthetic.h"
 #include "trainer/person/heads.h"
 #include "trainer/stages/surface.h"
 
@@ -93,17 +93,10 @@ struct LongBrow {
     LongBrow() {
         const std::vector<float> shares = faceShares(model);
         for (size_t v = 0; v < shares.size(); ++v) truth[3 * v + 1] -= .01f * shares[v];
-        Actor actor;
-        actor.body = model;
-        actor.body.templateVertices = truth;
-        actor.textureSize = 4;
-        actor.texture.assign(48, .5f);
-        SyntheticOptions options;
-        options.size = 256;
-        options.poseNoiseDegrees = options.transNoiseMetres = 0;
-        capture = renderActor(testDevice(), actor, actorSession(8, 0, kActorDistance),
-                              folder / "capture", options);
-        BodyPoser poser(testDevice(), actor.body);
+        capture = recordedBody(model, truth, 8, 256, folder / "capture");
+        BodyModel person = model;
+        person.templateVertices = truth;
+        BodyPoser poser(testDevice(), person);
         for (size_t f = 0; f < capture.size(); ++f) {
             const PosedMesh posed = poser.pose(capture.theta[f], capture.trans[f], capture.betas);
             SeenFace seen;

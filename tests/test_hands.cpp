@@ -11,8 +11,8 @@
 #include "nn/body/texel_places.h"
 #include "tests/files.h"
 #include "tests/op_test.h"
+#include "tests/recorded_body.h"
 #include "trainer/avatar/avatar.h"
-#include "trainer/motion/synthetic.h"
 #include "trainer/stages/surface.h"
 
 namespace doppel::test {
@@ -92,18 +92,7 @@ struct HalfClosed {
     Folder folder;
     Capture capture;
 
-    HalfClosed() {
-        Actor actor;
-        actor.body = flat;
-        actor.body.templateVertices = truth;
-        actor.textureSize = 4;
-        actor.texture.assign(48, .5f);
-        SyntheticOptions options;
-        options.size = 384;
-        options.poseNoiseDegrees = options.transNoiseMetres = 0;
-        capture = renderActor(testDevice(), actor, actorSession(8, 0, kActorDistance),
-                              folder / "capture", options);
-    }
+    HalfClosed() { capture = recordedBody(flat, truth, 8, 384, folder / "capture"); }
     // Where fingers are off, mm in the mean.
     double error(const std::vector<float>& offsets) const {
         double sum = 0, count = 0;

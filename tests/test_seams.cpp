@@ -11,8 +11,8 @@
 #include "nn/body/texel_places.h"
 #include "tests/files.h"
 #include "tests/op_test.h"
+#include "tests/recorded_body.h"
 #include "trainer/avatar/preset.h"
-#include "trainer/motion/synthetic.h"
 #include "trainer/stages/surface.h"
 
 namespace doppel::test {
@@ -67,14 +67,7 @@ TEST(Seams, BothSidesAreOnePlaceOnTheBody) {
 TEST(Surface, SeamsCloseWhereAsked) {
     Folder folder;
     const BodyModel body = bodyFromNpz(readBodyArrays("default"));
-    Actor actor;
-    actor.body = body;
-    actor.textureSize = 4;
-    actor.texture.assign(48, .5f);
-    SyntheticOptions options;
-    options.size = 128;
-    const Capture capture = renderActor(testDevice(), actor, actorSession(4, 0, kActorDistance),
-                                        folder / "capture", options);
+    const Capture capture = recordedBody(body, body.templateVertices, 4, 128, folder / "capture");
     constexpr int kTexels = 128;
     std::vector<float> texels(size_t{3} * kTexels * kTexels);
     for (size_t i = 0; i < texels.size(); ++i)  // darker to the right
