@@ -84,41 +84,29 @@ struct Filmed {
             sum += intersectionOverUnion(cut(cutter, f).mask, truth[f]);
         return sum / double(pictures.size());
     }
-    // By the clip's colours alone.
-    double iouByColours() const {
-        ClipMasks masks;
-        for (size_t f = 0; f < pictures.size(); ++f) masks.learn(pictures[f], shares[f]);
-        masks.finish();
-        double sum = 0;
-        for (size_t f = 0; f < pictures.size(); ++f)
-            sum +=
-                intersectionOverUnion(masks.cutOut(pictures[f], shares[f], kSide).mask, truth[f]);
-        return sum / double(pictures.size());
-    }
-    // Of masks that are led along edges picture by picture.
-    double iouAlone() const {
-        double sum = 0;
-        for (size_t f = 0; f < pictures.size(); ++f) {
-            const auto led = guidedFilter(pictures[f], shares[f], 6, 5e-3);
-            std::vector<uint8_t> mask;
-            for (float v : led) mask.push_back(v >= .5f);
-            sum += intersectionOverUnion(mask, truth[f]);
-        }
-        return sum / double(pictures.size());
-    }
 };
 
 TEST(ClipCutter, AWholeClipsColoursTellMore) {
     const Filmed film({}, 12);
-    ClipCutter cutter("");
-    film.learn(cutter);
-    const double alone = film.iouAlone(), colours = film.iouByColours(), all = film.iou(cutter);
-    std::cout << "led along edges " << alone << ", by the clip's colours " << colours
-              << ", and by what is behind " << all << "\n";
-    EXPECT_GT(colours, alone + .02);
-    EXPECT_GT(colours, .93);
-    EXPECT_GT(all, colours + .005);
+    const auto learnt = [&](const char* by) {
+        ClipCutter cutter("", nullptr, cutOutByName(by));
+        film.learn(cutter);
+        return cutter;
+    };
+    const ClipCutter network = learnt("network"), edges = learnt("edges"),
+                     colours = learnt("colours"), cutter = learnt("all");
+    std::cout << "the network's " << film.iou(network) << ", led along edges " << film.iou(edges)
+              << ", by the clip's colours " << film.iou(colours) << ", and by what is behind "
+              << film.iou(cutter) << "\n";
+    EXPECT_GT(film.iou(edges), film.iou(network) + .02);
+    EXPECT_GT(film.iou(colours), film.iou(edges) + .02);
+    EXPECT_GT(film.iou(colours), .93);
+    EXPECT_GT(film.iou(cutter), film.iou(colours) + .005);
+    EXPECT_EQ(network.source(), "the network");
+    EXPECT_EQ(edges.source(), "the network, led along edges");
+    EXPECT_EQ(colours.source(), "the clip's colours");
     EXPECT_EQ(cutter.source(), "the clip's colours and what is behind, as other frames show it");
+    EXPECT_THROW(cutOutByName("colors"), InputError);
     const FrameCut cut = film.cut(cutter, 0);
     EXPECT_GT(cut.network, .7);
     EXPECT_LT(cut.network, .97);

@@ -165,11 +165,15 @@ TEST(GivenMasks, AreTakenAndWhatTheyContradictIsLeftOut) {
     // Of a folder of pictures alone, by the flag; not beside what makes masks.
     settings.request.source = folder / "clip/images";
     settings.request.masks = folder / "clip/masks";
-    settings.request.plate = folder / "clip/images/01.png";
     settings.out = folder / "other";
-    EXPECT_EQ(messageOf<InputError>([&] { importCapture(settings, noBody); }),
-              "--masks: expected neither --plate nor --matting, which make masks");
+    const std::string both =
+        "--masks: expected neither --plate nor --matting nor --cut-out, which make masks";
+    settings.request.plate = folder / "clip/images/01.png";
+    EXPECT_EQ(messageOf<InputError>([&] { importCapture(settings, noBody); }), both);
     settings.request.plate.clear();
+    settings.request.cutOutBy = CutOutBy::Edges;
+    EXPECT_EQ(messageOf<InputError>([&] { importCapture(settings, noBody); }), both);
+    settings.request.cutOutBy = CutOutBy::All;
     // Not the pictures for the masks.
     settings.request.masks = folder / "clip/images";
     EXPECT_NE(messageOf<InputError>([&] {

@@ -8,6 +8,7 @@
 #include "nn/body/body.h"
 #include "trainer/data/capture.h"
 #include "trainer/import/clip.h"
+#include "trainer/import/masks/clip_cutter.h"
 #include "trainer/person/blazepose.h"
 
 namespace doppel {
@@ -31,11 +32,12 @@ struct ImportRequest {
     std::filesystem::path plate;    // a picture of the empty scene; empty: none
     std::filesystem::path matting;  // an ONNX file, see MattingNetwork; empty: none
     std::string mattingKind = "modnet";
-    std::filesystem::path masks;      // of all its pictures, see GivenMasks; empty: none
-    Device* device = nullptr;         // that networks run on
-    const BodyModel* body = nullptr;  // that is posed
-    std::filesystem::path workspace;  // where frames (images/) and masks (masks/) go
-    bool goesOn = false;              // what is found is kept there, for a run that goes on
+    CutOutBy cutOutBy = CutOutBy::All;  // masks of its own
+    std::filesystem::path masks;        // of all its pictures, see GivenMasks; empty: none
+    Device* device = nullptr;           // that networks run on
+    const BodyModel* body = nullptr;    // that is posed
+    std::filesystem::path workspace;    // where frames (images/) and masks (masks/) go
+    bool goesOn = false;                // what is found is kept there, for a run that goes on
 };
 
 // In the workspace while a clip is imported: what its networks have found (AnswerLog), and their

@@ -290,15 +290,18 @@ fs::path picturesIn(const fs::path& folder) {
 // The masks that were asked for, or that lie beside images/; empty: none.
 fs::path masksOf(const ImportRequest& request, const fs::path& pictures) {
     std::error_code error;
+    const bool makes = !request.plate.empty() || !request.matting.empty() ||
+                       request.cutOutBy != CutOutBy::All;
     if (!request.masks.empty()) {
-        if (!request.plate.empty() || !request.matting.empty())
-            throwInput("--masks: expected neither --plate nor --matting, which make masks");
+        if (makes)
+            throwInput(
+                "--masks: expected neither --plate nor --matting nor --cut-out, which make masks");
         if (!fs::exists(request.masks, error))
             throwInput("--masks: expected a folder of masks or a video, found nothing at {}",
                        request.masks.string());
         return request.masks;
     }
-    if (!request.plate.empty() || !request.matting.empty()) return {};
+    if (makes) return {};
     const fs::path beside = request.source / "masks";
     return pictures != request.source && fs::is_directory(beside, error) ? beside : fs::path();
 }
@@ -314,6 +317,8 @@ Capture readClip(const ImportRequest& request) {
     std::unique_ptr<MattingNetwork> matting;
     if (!request.matting.empty())
         matting = std::make_unique<MattingNetwork>(request.matting, request.mattingKind);
+    if (!request.plate.empty() && request.cutOutBy != CutOutBy::All)
+        throwInput("--plate: expected --cut-out all, for it is a picture of what is behind");
     const fs::path folder = picturesIn(request.source),
                    source = folder.empty() ? request.source : folder,
                    given = masksOf(request, source);
@@ -326,7 +331,7 @@ Capture readClip(const ImportRequest& request) {
     createFolders(request.workspace / "masks");
     const fs::path shares = request.workspace / kSharesFolder;
     createFolders(shares);
-    ClipCutter cutter(request.plate, std::move(matting));
+    ClipCutter cutter(request.plate, std::move(matting), request.cutOutBy);
     Clip clip(source, options);
     const double lens = clip.focalLength();
     const double angle = request.fov > 0 ? request.fov

@@ -47,7 +47,8 @@ std::string workOf(const ImportOptions& options) {
         r.mattingKind, place(r.poses),
         // Later ones, which requests that were kept before do not have.
         (r.masks.empty() ? "" : fmt::format("masks = {}\n", place(r.masks))) +
-            (r.givenHeads ? "given_heads = true\n" : ""));
+            (r.givenHeads ? "given_heads = true\n" : "") +
+            (options.cutOut == "all" ? "" : fmt::format("cut_out = {}\n", options.cutOut)));
 }
 
 ImportResult bringIn(const ImportOptions& options) {
@@ -71,6 +72,7 @@ ImportResult bringIn(const ImportOptions& options) {
     settings.request.device = &device;
     settings.request.body = &body;
     settings.request.net = poseNetByName(options.net, "--pose");
+    settings.request.cutOutBy = cutOutByName(options.cutOut);
     return importCapture(settings, [&](const Camera& camera, const Theta& theta, const Trans& trans,
                                        const Betas& betas) {
         Drawing drawing = drawer.drawShaded(poser.pose(theta, trans, betas).verts, camera);
@@ -236,6 +238,13 @@ void declareImportFlags(CommandFlags& flags, ImportOptions& o) {
                      "colours from -.5 to .5. RVM takes its own last outputs too and cannot be run")
         ->capture_default_str()
         ->check(CLI::IsMember({"modnet", "isnet"}));
+    flags
+        ->add_option("--cut-out", o.cutOut,
+                     "Of a clip: how masks are made where none are given, each further than the "
+                     "one before: as the network has them; led along the picture's edges; by the "
+                     "colours of the whole clip; and by what is behind the person, or a screen")
+        ->capture_default_str()
+        ->check(showsChoices({"network", "edges", "colours", "all"}));
     flags.path("--masks", o.settings.request.masks,
                "Of a clip: masks of its pictures in their order, a folder or a video, the person "
                "white (or a cut-out with alpha), from whatever program made them");

@@ -14,8 +14,9 @@ namespace doppel {
 struct ImportOptions {
     CommonOptions common;
     ImportSettings settings;
-    std::string net = "heavy";  // poseNetByName
-    std::string body;           // "default", "default-full" or a file
+    std::string net = "heavy";   // poseNetByName
+    std::string cutOut = "all";  // cutOutByName
+    std::string body;            // "default", "default-full" or a file
 };
 
 class CommandFlags;

@@ -1,6 +1,7 @@
 #include "trainer/import/masks/clip_cutter.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "engine/error.h"
@@ -28,6 +29,14 @@ Picture pictureOf(const Image& rgb) { return {rgb.width, rgb.height, rgb.data, {
 
 }  // namespace
 
+CutOutBy cutOutByName(const std::string& name) {
+    constexpr std::array kNames{"network", "edges", "colours", "all"};
+    const auto found = std::ranges::find(kNames, name);
+    if (found == kNames.end())
+        throwInput("--cut-out: expected network, edges, colours or all, found {}", name);
+    return static_cast<CutOutBy>(found - kNames.begin());
+}
+
 void ClipCutter::learn(const ClipView& view) {
     const Image& rgb = view.rgb;
     if (!plate_.empty() && !plateSet_) {
@@ -48,7 +57,7 @@ void ClipCutter::learn(const ClipView& view) {
 }
 
 void ClipCutter::finish(std::span<const ClipView> samples) {
-    masks_.finish();
+    masks_.finish(by_ == CutOutBy::All);
     CHECK(!samples.empty(), "a clip has frames");
     if (plateSet_) {
         std::vector<double> distances;
@@ -64,6 +73,7 @@ void ClipCutter::finish(std::span<const ClipView> samples) {
         }
         return;
     }
+    if (by_ != CutOutBy::All) return;
     std::vector<std::shared_ptr<const Picture>> pictures;
     std::vector<std::vector<uint8_t>> people, borders;
     for (const ClipView& sample : samples) {
@@ -80,7 +90,8 @@ double agreement(const std::vector<uint8_t>& mask, const std::vector<float>& sha
 }
 
 bool ClipCutter::looksBehind() const {
-    return !matting_ && !key_ && !masks_.usesBackground() && moving_.tells();
+    return by_ == CutOutBy::All && !matting_ && !key_ && !masks_.usesBackground() &&
+           moving_.tells();
 }
 
 FrameCut ClipCutter::cut(size_t frame, const ClipView& view, double side,
@@ -92,8 +103,10 @@ FrameCut ClipCutter::cut(size_t frame, const ClipView& view, double side,
         behind = [&](const Rect& rect, const std::vector<uint8_t>& wanted) {
             return moving_.favour(frame, view, rect, wanted, side, look);
         };
-    CutOut byColours = masks_.cutOut(rgb, share, side, behind);
-    FrameCut result{std::move(byColours.mask), byColours.doubtful, 0};
+    CutOut own = by_ == CutOutBy::Network ? cutOutAsGiven(rgb, share)
+                 : by_ == CutOutBy::Edges ? cutOutAlongEdges(rgb, share, side)
+                                          : masks_.cutOut(rgb, share, side, behind);
+    FrameCut result{std::move(own.mask), own.doubtful, 0};
     if (matting_) {
         // It finds everybody: the person is whoever is near the network's mask.
         const std::vector<float> matte = matting_->share(rgb);
@@ -125,6 +138,8 @@ std::string ClipCutter::source() const {
         const auto [r, g, b] = key_->screen().colour();
         return fmt::format("a {} screen, #{:02x}{:02x}{:02x}", screen_, r, g, b);
     }
+    if (by_ == CutOutBy::Network) return "the network";
+    if (by_ == CutOutBy::Edges) return "the network, led along edges";
     if (masks_.usesBackground())
         return "the clip's colours and what is behind, for the camera stands still";
     if (looksBehind()) return "the clip's colours and what is behind, as other frames show it";

@@ -15,6 +15,13 @@
 
 namespace doppel {
 
+// How far a clip's own masks go, each further than the one before: as the network has them, led
+// along the picture's edges, by the colours of the whole clip, and with what is behind the person
+// or a screen.
+enum class CutOutBy { Network, Edges, Colours, All };
+// "network", "edges", "colours", "all". InputError for another name.
+CutOutBy cutOutByName(const std::string& name);
+
 // A frame's mask, and how the ways to it agree.
 struct FrameCut {
     std::vector<uint8_t> mask;  // [H,W], 255 on the person and 0 elsewhere
@@ -29,8 +36,9 @@ class ClipCutter {
 public:
     // InputError where the plate is no picture. Empty: there is none.
     explicit ClipCutter(std::filesystem::path plate,
-                        std::unique_ptr<MattingNetwork> matting = nullptr)
-        : plate_(std::move(plate)), matting_(std::move(matting)) {}
+                        std::unique_ptr<MattingNetwork> matting = nullptr,
+                        CutOutBy by = CutOutBy::All)
+        : plate_(std::move(plate)), matting_(std::move(matting)), by_(by) {}
 
     // In a first pass, each frame.
     void learn(const ClipView& view);
@@ -43,7 +51,7 @@ public:
     FrameCut cut(size_t frame, const ClipView& view, double side,
                  const MovingBackground::Look& look) const;
 
-    // "the clip's colours", "a green screen, #1c9a3f", "the plate empty.jpg", …
+    // "the network", "the clip's colours", "a green screen, #1c9a3f", "the plate empty.jpg", …
     std::string source() const;
 
 private:
@@ -51,6 +59,7 @@ private:
 
     std::filesystem::path plate_;
     std::unique_ptr<MattingNetwork> matting_;  // where given, it decides
+    CutOutBy by_;
     bool plateSet_ = false;
     ClipMasks masks_;
     MovingBackground moving_;

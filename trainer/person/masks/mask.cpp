@@ -239,12 +239,18 @@ std::vector<float> partOf(const std::vector<float>& share, int width, const Rect
     return part;
 }
 
-// The mask of a picture from the share in a rectangle, which is led along edges first.
-std::vector<uint8_t> ledMask(const Image& part, const std::vector<float>& share, int radius,
-                             const Image& rgb, const Rect& rect) {
-    const std::vector<float> led = guidedFilter(part, share, radius, kEpsilon);
-    std::vector<uint8_t> whole(led.size());
-    for (size_t i = 0; i < led.size(); ++i) whole[i] = led[i] >= .5f ? 255 : 0;
+// Pixels that are as much as not the person's, over the person's.
+double doubtIn(const std::vector<float>& share) {
+    double inside = 0, doubtful = 0;
+    for (float p : share) inside += p >= .5f, doubtful += p > .2f && p < .8f;
+    return doubtful / std::max(inside, 1.);
+}
+
+// The mask of a picture from the share in a rectangle.
+std::vector<uint8_t> maskOf(const Image& part, const std::vector<float>& share, const Image& rgb,
+                            const Rect& rect) {
+    std::vector<uint8_t> whole(share.size());
+    for (size_t i = 0; i < share.size(); ++i) whole[i] = share[i] >= .5f ? 255 : 0;
     dropIslands(whole, part.width, part.height);
     std::vector<uint8_t> mask(size_t(rgb.width) * size_t(rgb.height));
     for (int y = 0; y < part.height; ++y)
@@ -259,6 +265,19 @@ int radiusOf(double side, double share) { return std::max(1, int(std::lround(sid
 
 }  // namespace
 
+CutOut cutOutAsGiven(const Image& rgb, const std::vector<float>& share) {
+    return {maskOf(rgb, share, rgb, {0, 0, rgb.width, rgb.height}), doubtIn(share)};
+}
+
+CutOut cutOutAlongEdges(const Image& rgb, const std::vector<float>& share, double side) {
+    const Rect rect = rectOf(share, rgb.width, rgb.height, radiusOf(side, kReachShare));
+    if (rect.empty()) return {std::vector<uint8_t>(share.size()), 0};
+    const Image part = partOf(rgb, rect);
+    const std::vector<float> led =
+        guidedFilter(part, partOf(share, rgb.width, rect), radiusOf(side, kLedShare), kEpsilon);
+    return {maskOf(part, led, rgb, rect), doubtIn(led)};
+}
+
 // ---- by a whole clip's colours ------------------------------------------------------------------
 
 void ClipMasks::learn(const Image& rgb, const std::vector<float>& share) {
@@ -266,9 +285,9 @@ void ClipMasks::learn(const Image& rgb, const std::vector<float>& share) {
     background_.add(rgb, share);
 }
 
-void ClipMasks::finish() {
+void ClipMasks::finish(bool asksBehind) {
     colours_.finish();
-    still_ = background_.still();
+    still_ = asksBehind && background_.still();
 }
 
 CutOut ClipMasks::cutOut(const Image& rgb, const std::vector<float>& share, double side,
@@ -308,9 +327,8 @@ CutOut ClipMasks::cutOut(const Image& rgb, const std::vector<float>& share, doub
     }
     // Neighbours of one colour belong together.
     posterior = guidedFilter(part, posterior, led, kEpsilon);
-    double inside = 0, doubtful = 0;
-    for (float p : posterior) inside += p >= .5f, doubtful += p > .2f && p < .8f;
-    return {ledMask(part, posterior, led, rgb, rect), doubtful / std::max(inside, 1.)};
+    return {maskOf(part, guidedFilter(part, posterior, led, kEpsilon), rgb, rect),
+            doubtIn(posterior)};
 }
 
 }  // namespace doppel

@@ -23,6 +23,12 @@ struct CutOut {
     double doubtful = 0;        // pixels of which it is not sure, over the person's
 };
 
+// By one picture's personShare() alone: where it is a half or more, or is once it has been led
+// along the picture's edges (guidedFilter()) in a square of this side. Islands far smaller than the
+// person are left out.
+CutOut cutOutAsGiven(const Image& rgb, const std::vector<float>& share);
+CutOut cutOutAlongEdges(const Image& rgb, const std::vector<float>& share, double side);
+
 // What a clip tells of its person and of what is behind, beyond one picture's network: learnt from
 // all pictures, then asked for each. Memory does not depend on the clip's length.
 class ClipMasks {
@@ -31,8 +37,8 @@ public:
     void learn(const Image& rgb, const std::vector<float>& share);
     // A picture of the empty scene, of the clip's size, by the same camera, which stands still.
     void setPlate(const Image& plate) { background_.set(plate); }
-    // After the last learn().
-    void finish();
+    // After the last learn(). asksBehind: whether what is behind the person counts.
+    void finish(bool asksBehind);
 
     // Of personShare() in a square of this side: by the colours that the person and the background
     // have in the whole clip and about each place of this picture (after Rother, Kolmogorov and
