@@ -16,8 +16,6 @@ namespace {
 
 // Metres of translation per unit of correction: one learning rate serves radians and metres.
 constexpr float kTransScale = 0.4f;
-// The keypoint loss's scale, as part of the crop's side: joints farther off pull less.
-constexpr float kKeypointScale = 0.04f;
 // A body that stands or walks is about so far out of balance, metres.
 constexpr float kBalance = 0.1f;
 // What is up is sought near the camera's own: a pitch of six degrees costs a tenth of the weight.

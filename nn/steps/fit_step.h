@@ -43,6 +43,9 @@ struct FitPreset {
 // heads: there is a target for the head's joint, too, and the neck bends as the spine does.
 std::vector<float> jointWeights(bool coloured, bool heads = false);
 
+// The keypoint loss's scale, as part of the crop's side: joints farther off pull less.
+inline constexpr float kKeypointScale = .04f;
+
 // What is fitted: the frames' poses and the shape that they share.
 struct FitStart {
     std::vector<float> poses;       // [frames, kPoseRow] as given

@@ -33,10 +33,10 @@ constexpr float kLeastFace = .25f;
 // Hair and cloth grow where the paper lets vertices move, so faces turn there for good reasons; on
 // face, hands and soles, where K(v) is 0, they do not.
 constexpr float kMovingFaces = .3f;
-// Bones end where hands are clenched, or bent back (HandAmounts).
 // Part of a crop, in which a face is a tenth, from which on a point of the face that is seen
 // elsewhere counts less.
 constexpr float kFaceScale = .015f;
+// Bones end where hands are clenched, or bent back (HandAmounts).
 constexpr float kLeastHand = -.25f, kMostHand = 1.5f;
 
 // Of each face [F]: its part of the area of the surface verts [V,3], times kMovingFaces but where
@@ -227,6 +227,12 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
                 pyramidLoss(graph, drawn.image, sample.image, sample.counts, sample.scale,
                             weights(preset.colour1, preset.colour2, preset.colour4, preset.colour8),
                             static_cast<float>(preset.robust)));
+        if (start.keypoints && preset.keypoints > 0) {
+            sample.joints = graph.input({kJointCount, 3});
+            losses.term("keypoints", preset.keypoints,
+                        keypointLoss(graph, posed.joints, sample.joints, sample.camera,
+                                     kKeypointScale * static_cast<float>(size * preset.samples)));
+        }
         if (seesFaces) {
             sample.face = graph.input({facePoints.rows(), 3});
             losses.term("face", preset.facePoints,

@@ -55,6 +55,7 @@ namespace doppel {
     NUMBER(double, colour4, .5, 0, kNoLimit, "of 4")                                             \
     NUMBER(double, colour8, 0, 0, kNoLimit, "of 8")                                              \
     NUMBER(double, robust, .02, 0, 1, "difference of colours from which on outliers count less") \
+    NUMBER(double, keypoints, 0, 0, kNoLimit, "weight of the keypoints' loss")                   \
     NUMBER(double, facePoints, 0, 0, kNoLimit, "weight of faces' points where they are seen")    \
     NUMBER(double, priorTheta, .05, 0, kNoLimit, "weight of staying near the given rotations")   \
     NUMBER(double, priorTrans, .5, 0, kNoLimit, "weight of staying near the given places")       \
@@ -93,8 +94,9 @@ struct SurfaceStart {
     std::vector<float> light;  // L [8,3] (nn/steps/light.h); empty: none, or none yet
     HandAmounts hands{};       // how hands begin
     bool movesPoses = true, movesOffsets = true, movesTexels = true;
-    bool video = false;  // neighbouring frames tell about each other
-    bool faces = false;  // it is known where points of faces are seen
+    bool video = false;      // neighbouring frames tell about each other
+    bool faces = false;      // it is known where points of faces are seen
+    bool keypoints = false;  // and where joints are
 };
 
 // A frame comes by seldom: shorter memories than networks have, and nothing that pulls to zero.
@@ -140,12 +142,13 @@ struct SurfaceStep {
         Tensor mask, counts;       // [S,S]; counts: the part of a pixel that the frame shows
         Tensor scale;              // [1] one over the mask's sum
         Tensor image, background;  // [S,S,3]; empty without colours
-        // [P,3] as keypointLoss() has it, in the camera's pixels; empty without faces
-        Tensor face;
+        // [P,3] and [24,3] as keypointLoss() has them, in the camera's pixels; empty without faces
+        // and keypoints
+        Tensor face, joints;
     };
     Graph graph;
-    Losses losses{graph};  // silhouette (L_s), colour (L_c), face, prior, offsets, folds, texels,
-                           // seams
+    Losses losses{graph};  // silhouette (L_s), colour (L_c), keypoints, face, prior, offsets,
+                           // folds, texels, seams
     // Of each frame of the batch: StepParams with the frame, and the corrections of how often it
     // has come by.
     std::vector<Tensor> poseSteps;

@@ -123,6 +123,9 @@ Preset presetByName(std::string_view name) {
     preset.fit.priorBeta = 3e-4;
     preset.fit.keypoints = .3;  // what clothes stand off, outlines would have the body fill
     preset.texels.others = 60;
+    // What clothes stand off would take limbs into the body that hang beside it.
+    preset.shape.keypoints = .3;
+    preset.texels.keypoints = .1;
     preset.shape.facePoints = preset.texels.facePoints = .3;
     preset.shape.hands = preset.texels.hands = 1e4;
     preset.mesh.hands = 1000;

@@ -26,7 +26,7 @@ constexpr double kFitMargin = 1.2;
 // be, and the neck may go there.
 bool seesHeads(const Capture& capture) {
     const auto keypoints = capture.source.find("keypoints");
-    return capture.source.contains("heads") && capture.keypoints && capture.keypoints->count > 0 &&
+    return capture.source.contains("heads") && capture.keypoints &&
            keypoints != capture.source.end() && keypoints->second.starts_with(kOwnKeypoints);
 }
 
@@ -34,43 +34,13 @@ FitStart fitStart(const Capture& capture, bool fitShape) {
     FitStart start{.betas = capture.betas,
                    .fitShape = fitShape,
                    .video = isVideo(capture),
-                   .keypoints = capture.keypoints && capture.keypoints->count > 0,
+                   .keypoints = capture.keypoints.has_value(),
                    .heads = seesHeads(capture)};
     for (size_t i = 0; i < capture.size(); ++i) {
         start.poses.insert(start.poses.end(), capture.theta[i].begin(), capture.theta[i].end());
         start.poses.insert(start.poses.end(), capture.trans[i].begin(), capture.trans[i].end());
     }
     return start;
-}
-
-// Where each frame's keypoints want each joint, [24,3]: u, v in pixels and confidence. The head's
-// is where its face wants it, as the poses have it turned.
-std::vector<std::vector<float>> jointTargets(const BodyModel& body, const Capture& capture) {
-    const Keypoints& keypoints = *capture.keypoints;
-    const std::span<const int> joints = keypointJoints(keypoints.scheme);
-    std::vector<std::vector<float>> targets;
-    for (size_t f = 0; f < capture.size(); ++f) {
-        std::vector<float> target(kJointCount * 3);
-        const auto point = [&](size_t k) {
-            const float* p = &keypoints.values[3 * (f * static_cast<size_t>(keypoints.count) + k)];
-            return std::array<float, 3>{p[0], p[1], p[2]};
-        };
-        const auto want = [&](size_t joint, const std::array<float, 3>& seen) {
-            if (seen[2] > target[3 * joint + 2]) std::ranges::copy(seen, &target[3 * joint]);
-        };
-        for (size_t k = 0; k < joints.size(); ++k)
-            if (joints[k] >= 0) want(static_cast<size_t>(joints[k]), point(k));
-        if (seesHeads(capture)) {
-            FacePoints face;
-            std::ranges::transform(keypointFace(keypoints.scheme), face.begin(), point);
-            const glm::dvec3 head =
-                jointPlaces(body, capture.betas, capture.theta[f], capture.trans[f])[joint::kHead];
-            want(joint::kHead,
-                 headJointSeen(body, capture.theta[f], head, face, capture.frames[f].camera));
-        }
-        targets.push_back(std::move(target));
-    }
-    return targets;
 }
 
 // In the pixels of a crop.
@@ -153,6 +123,35 @@ bool isVideo(const Capture& capture) {
     return turns[turns.size() / 2] < 0.35;  // 20 degrees
 }
 
+std::vector<std::vector<float>> jointTargets(const BodyModel& body, const Capture& capture) {
+    if (!capture.keypoints) return {};
+    const Keypoints& keypoints = *capture.keypoints;
+    const std::span<const int> joints = keypointJoints(keypoints.scheme);
+    std::vector<std::vector<float>> targets;
+    for (size_t f = 0; f < capture.size(); ++f) {
+        std::vector<float> target(kJointCount * 3);
+        const auto point = [&](size_t k) {
+            const float* p = &keypoints.values[3 * (f * static_cast<size_t>(keypoints.count) + k)];
+            return std::array<float, 3>{p[0], p[1], p[2]};
+        };
+        const auto want = [&](size_t joint, const std::array<float, 3>& seen) {
+            if (seen[2] > target[3 * joint + 2]) std::ranges::copy(seen, &target[3 * joint]);
+        };
+        for (size_t k = 0; k < joints.size(); ++k)
+            if (joints[k] >= 0) want(static_cast<size_t>(joints[k]), point(k));
+        if (seesHeads(capture)) {
+            FacePoints face;
+            std::ranges::transform(keypointFace(keypoints.scheme), face.begin(), point);
+            const glm::dvec3 head =
+                jointPlaces(body, capture.betas, capture.theta[f], capture.trans[f])[joint::kHead];
+            want(joint::kHead,
+                 headJointSeen(body, capture.theta[f], head, face, capture.frames[f].camera));
+        }
+        targets.push_back(std::move(target));
+    }
+    return targets;
+}
+
 std::vector<std::vector<double>> silhouetteIous(Device& device, const BodyModel& body,
                                                 std::initializer_list<const Capture*> posed,
                                                 FrameCache& frames, Ranks* ranks) {
@@ -209,8 +208,7 @@ FitResult fitCapture(Device& device, const BodyModel& body, Capture& capture,
                   .timestamps = settings.loop.profileSteps > 0,
                   .ranks = sharing});
 
-    std::vector<std::vector<float>> targets;
-    if (start.keypoints) targets = jointTargets(body, capture);
+    const std::vector<std::vector<float>> targets = jointTargets(body, capture);
 
     FrameSampler sampler(fitted.size(), settings.loop.seed);
     std::vector<uint32_t> visits(fitted.size());

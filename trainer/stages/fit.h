@@ -26,6 +26,10 @@ struct FitSettings {
 // Rotations have been unwrapped.
 bool isVideo(const Capture& capture);
 
+// Where each frame's keypoints want each joint, [24,3]: u, v in the frame's pixels and confidence.
+// The head's is where its face wants it, as the poses have it turned. Nothing without keypoints.
+std::vector<std::vector<float>> jointTargets(const BodyModel& body, const Capture& capture);
+
 // Replaces capture.betas, theta and trans. Every frame needs a mask (InputError otherwise). Where
 // capture.source says "heads" (they were found by themselves), heads go on looking where they look.
 // Interrupted is thrown with nothing changed but what settings.loop keeps.

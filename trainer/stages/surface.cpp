@@ -165,7 +165,8 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
                         .movesOffsets = run.movesOffsets,
                         .movesTexels = run.movesTexels,
                         .video = isVideo(capture),
-                        .faces = showsFaces(body, capture)},
+                        .faces = showsFaces(body, capture),
+                        .keypoints = capture.keypoints.has_value()},
                        preset);
     FrameCache cache(capture);
     std::optional<BackgroundPlates> scene;
@@ -194,6 +195,7 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
             CompileOptions{
                 .memoryBudget = run.memoryBudget, .timestamps = profiles, .ranks = sharing});
     };
+    const std::vector<std::vector<float>> joints = jointTargets(body, capture);
     std::vector<std::vector<float>> faces;
     if (state.start.faces && preset.facePoints > 0) {
         BodyPoser poser(device, body);
@@ -258,6 +260,9 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
             step.graph.write(sample.mask, frames.mask(frame));
             step.graph.write(sample.scale, std::vector<float>{frames.scale(frame)});
             step.graph.write(sample.counts, frames.inside(frame));
+            if (sample.joints)
+                step.graph.write(sample.joints,
+                                 seenBy(camera, capture.frames[frame].camera, joints[frame]));
             if (sample.face)
                 step.graph.write(sample.face,
                                  seenBy(camera, capture.frames[frame].camera, faces[frame]));
@@ -313,7 +318,7 @@ FitResult fitPosesToMasks(Device& device, const Avatar& avatar, Capture& capture
                    {.preset = avatar.preset.fit, .fitShape = false, .loop = {.seed = seed}});
     SurfaceRun run{.stage = "poses", .preset = avatar.preset.shape, .loop = {.seed = seed}};
     run.preset.steps = stepsForVisits(30, capture, run.preset);
-    run.preset.facePoints = 0;  // masks alone
+    run.preset.facePoints = 0;  // a face is for who looks at pictures
     run.preset.lrTheta = .008;
     run.preset.lrTrans = .002;
     runSurface(device, avatar.body, capture, run);
@@ -410,6 +415,7 @@ void planSurface(Device& device, const Avatar& avatar, const Capture& capture,
     start.poses = poseRows(capture);
     start.betas = capture.betas;
     start.faces = showsFaces(avatar.body, capture);
+    start.keypoints = capture.keypoints.has_value();
     const SurfacePreset preset = fitting(asked, capture);
     SurfaceState state(device, avatar.body, std::move(start), preset);
     for (const Phase& phase : phasesOf(preset, device, avatar.body, capture))

@@ -37,7 +37,8 @@ std::optional<SurfaceResult> runSurface(Device& device, const BodyModel& body, C
                                         const SurfaceRun& run);
 
 // The poses of frames that training did not see, the avatar being frozen: its body is fitted to
-// their masks, first by the soft silhouette, which reaches far, then by edges. Replaces
+// their masks, and keypoints where there are some, first by the soft silhouette, which reaches far,
+// then by edges. Replaces
 // capture.theta, trans and betas, which become the avatar's. Returns what fitCapture() does.
 FitResult fitPosesToMasks(Device& device, const Avatar& avatar, Capture& capture, uint64_t seed);
 
