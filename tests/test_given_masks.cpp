@@ -160,6 +160,8 @@ TEST(GivenMasks, AreTakenAndWhatTheyContradictIsLeftOut) {
     ASSERT_EQ(quality["left_out"].size(), 2u);
     EXPECT_EQ(quality["left_out"][0]["why"], "without the person");
     EXPECT_EQ(quality["left_out"][1]["frame"], 4);
+    EXPECT_EQ(quality["left_out"][1]["picture"], "04.png");
+    EXPECT_EQ(quality["per_frame"]["000002"]["picture"], "02.png");
     EXPECT_EQ(quality["per_frame"].size(), 4u);
 
     // Of a folder of pictures alone, by the flag; not beside what makes masks.

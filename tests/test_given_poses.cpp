@@ -53,14 +53,17 @@ TEST(GivenPoses, GapsAreFilledOrLeftOut) {
         Npz landmarks;
         landmarks.set("presence", Array::f32({6}, presence));
         writeNpz(place / "landmarks.npz", landmarks, false);
-        folder.write("made/quality.json",
-                     std::string("{\"frames\": 6, \"left_out\": [], \"per_frame\": {"
-                                 "\"000004\": {\"presence\": 1}, \"000005\": {}}}"));
+        folder.write(
+            "made/quality.json",
+            std::string(
+                "{\"frames\": 6, \"left_out\": [], \"per_frame\": {"
+                "\"000004\": {\"presence\": 1}, \"000005\": {\"picture\": \"last.jpg\"}}}"));
         made.take(folder / "vibe_output.pkl", "clip.mp4", place);
         notePoseOverlaps(place, made.capture, std::vector<double>{.5, .6, .7, .8, .9});
         const auto quality = nlohmann::json::parse(bytesOf(place / "quality.json"));
         EXPECT_EQ(quality["frames"], 5);
         EXPECT_EQ(quality["left_out"][0]["frame"], 5);
+        EXPECT_EQ(quality["left_out"][0]["picture"], "last.jpg");
         EXPECT_FALSE(quality["per_frame"].contains("000005"));
         EXPECT_EQ(quality["per_frame"]["000004"]["presence"], 1);
         EXPECT_EQ(quality["per_frame"]["000004"]["pose_iou"], .9);

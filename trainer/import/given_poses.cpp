@@ -400,9 +400,14 @@ void leaveOut(Capture& capture, const std::vector<size_t>& kept, const fs::path&
     changeQuality(workspace, [&](nlohmann::ordered_json& json) {
         for (size_t f = 0; f < capture.size(); ++f) {
             if (stays[f]) continue;
-            json["per_frame"].erase(capture.frames[f].name);
-            json["left_out"].push_back({{"frame", numberIn(capture.frames[f].name).value_or(0)},
-                                        {"why", "no pose was given"}});
+            const auto frame = json["per_frame"].find(capture.frames[f].name);
+            nlohmann::ordered_json left{{"frame", numberIn(capture.frames[f].name).value_or(0)},
+                                        {"why", "no pose was given"}};
+            if (frame != json["per_frame"].end()) {
+                if (frame->contains("picture")) left["picture"] = frame->at("picture");
+                json["per_frame"].erase(frame);
+            }
+            json["left_out"].push_back(std::move(left));
         }
         json["frames"] = kept.size();
     });

@@ -96,9 +96,11 @@ void writeQuality(const std::filesystem::path& file, const ClipQuality& quality)
     const auto orNull = [](const std::optional<double>& v) { return v ? Json(*v) : Json(); };
     json["mask_flicker"] = orNull(meanFlicker(quality));
     json["left_out"] = Json::array();
-    for (const auto& left : quality.leftOut)
+    for (const auto& left : quality.leftOut) {
         json["left_out"].push_back(
             {{"frame", left.number}, {"time", left.time}, {"why", left.why}});
+        if (!left.picture.empty()) json["left_out"].back()["picture"] = left.picture;
+    }
     json["per_frame"] = Json::object();
     for (const FrameQuality& f : quality.frames) {
         json["per_frame"][f.name] = {{"presence", f.presence},
@@ -107,9 +109,11 @@ void writeQuality(const std::filesystem::path& file, const ClipQuality& quality)
                                      {"mask_doubtful", f.doubtful},
                                      {"mask_flicker", orNull(f.flicker)},
                                      {"cut_off", f.cutOff}};
+        if (!f.picture.empty()) json["per_frame"][f.name]["picture"] = f.picture;
     }
     AtomicFile out(file);
-    out.write(json.dump(1) + "\n");
+    // A folder's files may be called anything, also what is no UTF-8.
+    out.write(json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
     out.commit();
 }
 

@@ -16,6 +16,7 @@ inline constexpr double kFlickerSeconds = .1;
 
 struct FrameQuality {
     std::string name;
+    std::string picture;   // its file in the folder that was imported; empty of a video
     double presence = 0;   // [0,1]: the network's, that there is a person
     double landmarks = 0;  // [0,1]: shoulders to feet, how surely they are seen: the mean
     double agreement = 0;  // IoU of the mask with the network's own
@@ -32,6 +33,7 @@ struct ClipQuality {
         int64_t number = 0;  // in the clip
         double time = 0;     // seconds
         std::string why;
+        std::string picture = {};  // as FrameQuality has it
     };
     std::vector<LeftOut> leftOut;
     std::string masks;  // how they were made

@@ -252,7 +252,8 @@ void leaveOutDoubtful(Capture& capture, Found& found, std::vector<ClipFrame>& fr
         quality.leftOut.push_back(
             {int64_t{found.numbers[f]}, found.times[f],
              fmt::format("its mask agrees with where the person was found to {:.2f} only (IoU)",
-                         quality.frames[f].agreement)});
+                         quality.frames[f].agreement),
+             quality.frames[f].picture});
         fs::remove(capture.frames[f].image);
         fs::remove(*capture.frames[f].mask);
     }
@@ -290,8 +291,8 @@ fs::path picturesIn(const fs::path& folder) {
 // The masks that were asked for, or that lie beside images/; empty: none.
 fs::path masksOf(const ImportRequest& request, const fs::path& pictures) {
     std::error_code error;
-    const bool makes = !request.plate.empty() || !request.matting.empty() ||
-                       request.cutOutBy != CutOutBy::All;
+    const bool makes =
+        !request.plate.empty() || !request.matting.empty() || request.cutOutBy != CutOutBy::All;
     if (!request.masks.empty()) {
         if (makes)
             throwInput(
@@ -347,6 +348,11 @@ Capture readClip(const ImportRequest& request) {
     }
     AnswerLog* const answers = log ? &*log : nullptr;
     const bool looksAtFaces = FaceFinder::isThere();
+    const std::vector<fs::path> files =
+        folder.empty() ? std::vector<fs::path>() : picturesOfFolder(folder);
+    const auto fileOf = [&](size_t i) {
+        return i < files.size() ? files[i].filename().string() : std::string();
+    };
     Found found;
     ClipQuality quality;
     quality.seen = frames.size();
@@ -359,7 +365,7 @@ Capture readClip(const ImportRequest& request) {
         progress.update(int64_t(i) + 1);
         cut = cut || frames[i].cut;
         const auto leaveOut = [&](std::string why) {
-            quality.leftOut.push_back({int64_t(i), frames[i].time, std::move(why)});
+            quality.leftOut.push_back({int64_t(i), frames[i].time, std::move(why), fileOf(i)});
         };
         if (frames[i].fate != Fate::Kept) {
             if (masks) masks->skip();
@@ -391,6 +397,7 @@ Capture readClip(const ImportRequest& request) {
             writeOnce(answers, *frame.mask, mask.data, [&] { writeImage(*frame.mask, mask); });
         }
         quality.frames.push_back(qualityOf(frame.name, *person, picture.width, picture.height));
+        quality.frames.back().picture = fileOf(i);
         if (!masks)
             cutter.learn({picture, personShareWithFeet(*person, picture.width, picture.height)});
         found.pictures.add(std::span<const uint8_t>(picture.data));
