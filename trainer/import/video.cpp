@@ -404,7 +404,8 @@ Capture readClip(const ImportRequest& request) {
         found.pictures.add(std::span<const float>(person->mask));
         const fs::path share = shares / (frame.name + ".png");
         writeOnce(answers, share, person->mask, [&] { keepShare(share, *person); });
-        person->mask = {};
+        // `= {}` would empty the vector and keep its memory, for each frame.
+        person->mask = std::vector<float>();
         std::optional<FaceMesh> face;
         if (looksAtFaces) face = faces(picture, *person);
         found.faces.push_back(std::move(face));
