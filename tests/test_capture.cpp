@@ -297,7 +297,9 @@ TEST(Capture, SaysWhatIsWrong) {
         EXPECT_NE(found.find(sentence), std::string::npos) << found;
         EXPECT_EQ(found.find('\n'), std::string::npos) << found;
     };
-    expect("c: expected a capture's folder, found nothing", [&] { fs::remove_all(c); });
+    expect(
+        "c: expected a capture's folder, found nothing; `doppel import` makes a capture of a video",
+        [&] { fs::remove_all(c); });
     expect("c/images: expected a capture's pictures, found nothing",
            [&] { fs::remove_all(c / "images"); });
     expect("c/images: expected one picture (.png, .jpg) or more, found none", [&] {

@@ -117,7 +117,8 @@ TEST_F(ViewerTest, LooksThroughTheCapturesCamera) {
     Viewer& viewer = open(options);
     screen_->key("0");
     settle();
-    ASSERT_TRUE(viewer.settings().captureCamera);
+    viewer.settings().captureCamera = true;
+    settle();
     // The frame is as large as the pane allows, 533 by 400 in the middle of 560 by 400.
     const Pane& pane = viewer.panes().back();
     double scale = pane.height / 60.0, left = (pane.width - 80 * scale) / 2;
@@ -195,6 +196,17 @@ TEST_F(ViewerTest, TheFrameIsSeenInFrontOrAsADifference) {
     viewer.settings().captureCamera = false;
     settle();
     EXPECT_GT(picture().pixel(beside.x, beside.y)[0], 10);
+    // What is seen is the capture's view, and not the one that would be copied.
+    const std::string before = viewer.window().clipboard();
+    viewer.settings().captureCamera = true;
+    settle();
+    screen_->keyDown("Control_L");
+    keyWith("Shift_L", "c");
+    screen_->keyUp("Control_L");
+    settle();
+    EXPECT_EQ(viewer.window().clipboard(), before);
+    EXPECT_NE(viewer.message().find("the viewer's own camera"), std::string::npos)
+        << viewer.message();
 }
 
 TEST(Backdrop, ADifferenceShowsThePersonWhereTheAvatarIsNot) {
@@ -568,6 +580,7 @@ TEST_F(ViewerTest, SaysHowFarATrainingIs) {
     EXPECT_EQ(viewer.trainingLines(),
               (std::vector<std::string>{"stage mesh: step 19 of 149, 2:10 left",
                                         "loss 0.4   edges 0.25", "a device"}));
+    EXPECT_EQ(screen_->title(), "on its way (in training: stage mesh) - Doppel");
     // The curve falls, and its width is the stage's.
     const std::vector<glm::vec2> plot = viewer.trainingPlot();
     ASSERT_EQ(plot.size(), 19u);

@@ -118,9 +118,12 @@ void Viewer::drawTimeline() {
     for (const Keyframe& key : editor_->keyframes()) {
         const float x = at.x + kPadding + grab / 2 +
                         (inner - grab) * static_cast<float>(key.time / std::max(last, 1));
-        ImGui::GetWindowDrawList()->AddTriangleFilled(
-            {x - 4 * unit, at.y - 4 * unit}, {x + 4 * unit, at.y - 4 * unit}, {x, at.y + 2 * unit},
-            IM_COL32(255, 170, 40, 255));
+        const ImVec2 left{x - 4 * unit, at.y - 4 * unit}, right{x + 4 * unit, at.y - 4 * unit},
+            tip{x, at.y + 2 * unit};
+        ImDrawList& list = *ImGui::GetWindowDrawList();
+        list.AddTriangleFilled(left, right, tip, IM_COL32(255, 170, 40, 255));
+        // Orange is hardly to be told from a light window.
+        list.AddTriangle(left, right, tip, ImGui::GetColorU32(ImGuiCol_Text), unit);
     }
     ImGui::End();
 }

@@ -24,10 +24,14 @@ std::string withDigit(std::string keys, int digit) {
 
 }  // namespace
 
-void Viewer::keepView(int digit) {
+void Viewer::requireOwnCamera() const {
     if (settings_.captureCamera)
-        throwInput("a bookmark keeps the viewer's own camera; {} leaves the capture's",
+        throwInput("this takes the viewer's own camera; {} leaves the capture's",
                    keys_.keyOf(Action::CaptureCamera));
+}
+
+void Viewer::keepView(int digit) {
+    requireOwnCamera();
     Bookmark& kept = preferences_.bookmarks[digit];
     if (kept.name.empty()) kept.name = fmt::format("view {}", digit);
     kept.camera = cameraText(orbit_);

@@ -93,9 +93,19 @@ void Viewer::useAvatar(std::shared_ptr<LoadedAvatar> avatar) {
     ++viewVersion_;
     if (inspected_) inspected_ = inspect(now, inspected_->point);
     if (training_.folder() != source_.folder()) training_ = TrainingWatch(source_.folder());
-    std::string name = fs::absolute(source_.folder()).lexically_normal().filename().string();
+    showTitle();
+}
+
+// The stage is the one at its steps, which may be ahead of the avatar that the last one left.
+void Viewer::showTitle() {
+    std::string stage = avatar_->training ? avatar_->stage : "";
+    if (training_.stage()) {
+        const std::string now = "stage " + training_.stage()->stage;
+        if (stage != now && !stage.starts_with(now + ",")) stage = now;
+    }
     window_.setTitle(fmt::format(
-        "{}{} - Doppel", name, avatar_->training ? " (in training: " + avatar_->stage + ")" : ""));
+        "{}{} - Doppel", fs::absolute(source_.folder()).lexically_normal().filename().string(),
+        stage.empty() ? "" : fmt::format(" (in training: {})", stage)));
 }
 
 void Viewer::reloadIfChanged() {
@@ -223,7 +233,10 @@ bool Viewer::frame() {
     if (dialog_.isOpen()) wait = std::min(wait, 0.05);
     drawable_ = window_.begin(wait);
     reloadIfChanged();
-    if (training_.update()) framesToDraw_ = std::max(framesToDraw_, 1);
+    if (training_.update()) {
+        framesToDraw_ = std::max(framesToDraw_, 1);
+        showTitle();
+    }
     followCompared();
     if (!question_)
         if (const auto path = dialog_.chosen()) attempt([&] { dialogThen_(*path); });

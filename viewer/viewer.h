@@ -221,6 +221,7 @@ private:
 
     // viewer.cpp
     void useAvatar(std::shared_ptr<LoadedAvatar> avatar);
+    void showTitle();
     void reloadIfChanged();
     void countPictures();
     void advanceTimeline();
@@ -369,6 +370,8 @@ private:
     void frameSelected();
     void setKey();
     void changeBlend();
+    // InputError while one looks through the capture's camera, whose view it is then.
+    void requireOwnCamera() const;
     void copyCamera();
     void copyCameraJson();
     void pasteCamera();

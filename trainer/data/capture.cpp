@@ -106,8 +106,10 @@ std::vector<SeenFace> readFaces(const fs::path& path, size_t frames) {
 void requireFolder(const fs::path& folder, const char* what) {
     std::error_code error;
     if (fs::is_directory(folder, error)) return;
-    throwInput("{}: expected {}, found {}; docs/formats.md has a capture's files", folder.string(),
-               what, fs::exists(folder, error) ? "a file" : "nothing");
+    throwInput(
+        "{}: expected {}, found {}; `doppel import` makes a capture of a video or of pictures, and "
+        "docs/formats.md has its files",
+        folder.string(), what, fs::exists(folder, error) ? "a file" : "nothing");
 }
 
 void requireSize(const fs::path& path, const Camera& camera, const char* of) {

@@ -111,8 +111,8 @@ std::string markdownText(const std::string& text) {
 std::vector<CollectionEntry> findCaptures(const fs::path& folder) {
     if (!fs::is_directory(folder))
         throwInput(
-            "{}: expected a capture or a folder of captures, found {}; docs/formats.md has "
-            "a capture's files",
+            "{}: expected a capture or a folder of captures, found {}; `doppel import` makes a "
+            "capture of a video or of pictures, and docs/formats.md has its files",
             folder.string(), fs::exists(folder) ? "a file" : "nothing");
     std::vector<CollectionEntry> entries;
     const std::string parent = ownName(plainPath(folder).parent_path());

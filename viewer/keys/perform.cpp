@@ -276,11 +276,13 @@ void Viewer::changeBlend() {
 }
 
 void Viewer::copyCamera() {
+    requireOwnCamera();
     window_.setClipboard("--camera " + cameraText(orbit_));
     say("camera copied");
 }
 
 void Viewer::copyCameraJson() {
+    requireOwnCamera();
     if (panes_.empty()) return;
     const Pane& pane = panes_.back();
     window_.setClipboard(cameraJson(orbit_, pane.viewWidth, pane.height));

@@ -253,14 +253,9 @@ std::string PoseEditor::copy() const { return poseText(now_.pose, now_.betas); }
 
 void PoseEditor::paste(std::string_view text, bool mirrored) {
     Pose pose = now_.pose;
-    Betas betas = now_.betas;
-    readPoseText(text, pose, betas);
-    if (mirrored) pose = doppel::mirrored(pose);
-    const bool gesture = inGesture_;
-    if (!gesture) beginGesture("paste");
-    setPose(pose);
-    setBetas(betas);
-    if (!gesture) endGesture();
+    Betas whose = now_.betas;
+    readPoseText(text, pose, whose);
+    setPose(mirrored ? doppel::mirrored(pose) : pose, "paste");
 }
 
 // ---- the camera ---------------------------------------------------------------------------------

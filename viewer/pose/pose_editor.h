@@ -96,7 +96,8 @@ public:
     void mirror();
     void copySide(bool leftToRight);
 
-    // Text for the clipboard (pose_text.h).
+    // Text for the clipboard (pose_text.h). Pasting takes joints and place; the shape, which the
+    // text has as well, is that of whom it was copied from.
     std::string copy() const;
     void paste(std::string_view text, bool mirrored = false);
 
