@@ -67,6 +67,15 @@ TEST_F(ControlsTest, WhatWasOpenedBeforeIsOpenedByAClick) {
     clickItem("walk.npz");
     EXPECT_EQ(viewer.frameCount(), 5) << viewer.message();
     EXPECT_LT(itemAt("walk.npz").y, itemAt("run.npz").y);
+    std::ofstream(*folder_ / "wave.json")
+        << R"({"doppel_pose": 1, "joints": {"left_wrist": [0.5, 0, -1]}})";
+    dropOnWindow({*folder_ / "wave.json"});
+    EXPECT_LT(itemAt("wave.json").y, itemAt("walk.npz").y);
+    keyWith("Control_L", "z");
+    settle();
+    const Pose before = viewer.editor().pose();
+    clickItem("wave.json");
+    EXPECT_NE(viewer.editor().pose(), before);
     fs::remove(run);
     clickItem("run.npz");
     EXPECT_EQ(viewer.frameCount(), 5);

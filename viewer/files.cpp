@@ -192,11 +192,13 @@ void Viewer::openFile(const fs::path& path) {
                             throwInput("{}{}", error.what(), importAdvice(path));
                         }
                     });
-    else if (extension == ".json")
+    else if (extension == ".json") {
         pastePose(path);
-    else if (extension == ".toml")
+        opened(path);
+    } else if (extension == ".toml") {
         chooseKeys(path.string());
-    else
+        opened(path);
+    } else
         openPicture(path);
 }
 

@@ -33,7 +33,10 @@ void Viewer::drawOverlays() {
     for (size_t i = 0; i < panes_.size() && panes_.size() > 1; ++i) {
         const auto x = static_cast<float>(panes_[i].x / scale);
         const auto bottom = static_cast<float>(panes_[i].height / scale);
-        if (i > 0) list.AddLine({x, 0}, {x, bottom}, IM_COL32(255, 255, 255, 160), 1);
+        if (i > 0) {  // to be seen on any background
+            list.AddLine({x, 0}, {x, bottom}, IM_COL32(18, 19, 22, 160), 3);
+            list.AddLine({x, 0}, {x, bottom}, IM_COL32(255, 255, 255, 200), 1);
+        }
         if (i < names.size()) drawLabel({x + 12 * unit, bottom - 54 * unit}, names[i]);
     }
     if (const std::optional<double> line = dividerAt()) {
