@@ -1,5 +1,6 @@
-// README's commands, each run as it stands there and in its order, on small stand-ins of what it
-// names; or named here, with what runs it in the place of this test, or why nothing does.
+// README's commands and the examples of each --help, each run as it stands there and in its order,
+// on small stand-ins of what it names; or named here, with what runs it in the place of this test,
+// or why nothing does.
 #include <thread>
 
 #include "tests/refusals.h"
@@ -110,6 +111,59 @@ const std::vector<Unrun> kNotRun{
     {"man doppel-train", "Install.ManualPagesAreClean", "groff shows what man does"},
 };
 
+// Of commands' help, in an order in which each has what it takes.
+const std::vector<Line> kExamples{
+    {.command = "doppel devices --json"},
+    {.command = "doppel import clip.mp4 --out me --every 3",
+     .takes = {"clip.mp4"},
+     .leaves = {"me/images", "me/masks", "me/poses.npz", "me/quality.json"},
+     .needs = Needs::Networks},
+    {.command = "doppel fit capture --out fitted",
+     .takes = {"capture"},
+     .leaves = {"fitted/poses.npz", "fitted/images"}},
+    {.command = "doppel train fitted --out avatar --preset small --stages mesh,texture",
+     .leaves = {"avatar/avatar.toml", "avatar/texture.png"}},
+    {.command = "doppel fit capture --avatar avatar --out reenacted",
+     .leaves = {"reenacted/poses.npz"}},
+    {.command = "doppel mix avatar --top other/avatar --hair other/avatar --out mixed",
+     .takes = {"other/avatar"},
+     .leaves = {"mixed/avatar.toml", "mixed/texture.png"}},
+    {.command = "doppel render avatar --motion box --camera turntable --background \"#ffffff\" "
+                "--out dance.mp4",
+     .takes = {"box"},
+     .leaves = {"dance.mp4"}},
+    {.command = "doppel retarget dance.bvh --avatar avatar --out dance.npz",
+     .takes = {"dance.bvh"},
+     .leaves = {"dance.npz"}},
+    {.command = "doppel eval avatar capture --frames 90:120 --fit-test-poses --json",
+     .shorter = "doppel eval avatar capture --frames 3:5 --fit-test-poses --json"},
+    {.command = "doppel eval avatars captures --out results",
+     .takes = {"other-capture", "avatars/woman", "captures/woman/turn"},
+     .leaves = {"results/results.json", "results/results.csv", "results/results.md"}},
+    {.command = "doppel check capture out/demo/truth", .takes = {"out/demo/truth"}},
+    {.command = "doppel ablate capture --frames 0:90 --test-frames 90:120 --fit-test-poses --out "
+                "ablation",
+     .leaves = {"ablation/ablation.json", "ablation/ablation.md"},
+     .shorter = "doppel ablate capture --frames 0:4 --test-frames 4:6 --fit-test-poses --out "
+                "ablation"},
+    {.command = "doppel export avatar --out avatar.glb --motion capture", .leaves = {"avatar.glb"}},
+    {.command = "doppel view avatar --motion capture", .needs = Needs::Screen},
+    {.command = "doppel bench"},
+    {.command = "doppel completion bash > ~/.local/share/bash-completion/completions/doppel",
+     .takes = {".local/share/bash-completion/completions"},
+     .leaves = {".local/share/bash-completion/completions/doppel"}},
+    {.command = "doppel manual --out man && man -l man/doppel-train.1",
+     .leaves = {"man/doppel-train.1"},
+     .shorter = "doppel manual --out man"},
+};
+
+const std::vector<Unrun> kExamplesNotRun{
+    {"doppel avatar clip.mp4 --out me", "Readme.ItsCommandsDoWhatItSays", "README has it, too"},
+    {"doppel demo --out out/demo", "Readme.ItsCommandsDoWhatItSays", "README has it, too"},
+    {"doppel batch people.toml --out people", "Batch.WhoFailsStopsNobodyAndWhatIsDoneStays",
+     "it takes a list of people"},
+};
+
 struct Page {
     std::vector<std::string> commands;  // in their order: lines of code, and what runs in quotes
     std::vector<std::string> named;     // `doppel render`, `export --web DIR`: commands and flags
@@ -196,8 +250,17 @@ void makeStandIn(const Folder& folder, const std::string& name) {
         const fs::path images = folder / "other-capture/images";
         for (const char* picture : {"0000_turn.png", "0003_turn.png"})
             fs::copy(images / picture, place / picture);
-    } else if (name.ends_with("capture")) {
+    } else if (name.ends_with("capture") || name == "box") {
         tinyCapture(place);
+    } else if (name == "dance.bvh") {
+        ASSERT_EQ(doppel({"export", (folder / "avatar").string(), "--motion",
+                          (folder / "capture").string(), "--out", place.string()})
+                      .status,
+                  0);
+    } else if (name == "out/demo/truth") {
+        copy("capture");
+    } else if (name.ends_with("completions")) {
+        fs::create_directories(place);
     } else {
         copy(name.starts_with("captures") ? "other-capture" : "avatar");
     }
@@ -230,6 +293,36 @@ void closeWindow(Screen& screen, pid_t program) {
     }
 }
 
+// Runs a line in the folder, on small stand-ins; says why where this machine cannot.
+void run(const Line& line, const Folder& folder) {
+    if (const std::string lack = whatLacks(line.needs, folder); !lack.empty()) {
+        fmt::print(stderr, "not run: {}: {}\n", line.command, lack);
+        return;
+    }
+    for (const char* taken : line.takes)
+        if (!fs::exists(folder / taken)) makeStandIn(folder, taken);
+    std::string shell = line.shorter ? line.shorter : line.command;
+    // Other commands than these have no such flag.
+    if (shell.starts_with("build/doppel") ||
+        (shell.starts_with("doppel ") && !shell.starts_with("doppel completion") &&
+         !shell.starts_with("doppel manual")))
+        shell += " --config small.toml";
+    if (line.needs == Needs::Networks) shell += " --pose lite";
+    std::unique_ptr<Screen> screen;
+    if (line.needs == Needs::Screen) screen = std::make_unique<Screen>(1280, 800);
+    std::function<void(pid_t)> meanwhile;
+    if (screen) meanwhile = [&](pid_t child) { closeWindow(*screen, child); };
+    const std::string home = folder.path().string();
+    const Outcome outcome = start(
+        {"env", "-C", home, "HOME=" + home, "XDG_STATE_HOME=" + home,
+         "PATH=" + program().parent_path().string() + ":" + getenv("PATH"), "bash", "-c", shell},
+        nullptr, meanwhile);
+    ASSERT_EQ(outcome.status, 0) << shell << "\n" << outcome.err;
+    for (const char* left : line.leaves)
+        EXPECT_TRUE(fs::exists(folder / left) && !fs::is_empty(folder / left))
+            << shell << ": " << left;
+}
+
 TEST(Readme, ItsCommandsDoWhatItSays) {
     Folder folder;
     folder.write("small.toml", std::string(kSmallRun));
@@ -239,28 +332,27 @@ TEST(Readme, ItsCommandsDoWhatItSays) {
         const auto line = std::ranges::find(kRun, command, &Line::command);
         ASSERT_NE(line, kRun.end())
             << "README has a command that is neither run nor listed here: " << command;
-        if (const std::string lack = whatLacks(line->needs, folder); !lack.empty()) {
-            fmt::print(stderr, "not run: {}: {}\n", command, lack);
-            continue;
-        }
-        for (const char* taken : line->takes)
-            if (!fs::exists(folder / taken)) makeStandIn(folder, taken);
-        std::string shell = line->shorter ? line->shorter : command;
-        if (shell.starts_with("build/doppel")) shell += " --config small.toml";
-        if (line->needs == Needs::Networks) shell += " --pose lite";
-        std::unique_ptr<Screen> screen;
-        if (line->needs == Needs::Screen) screen = std::make_unique<Screen>(1280, 800);
-        std::function<void(pid_t)> meanwhile;
-        if (screen) meanwhile = [&](pid_t child) { closeWindow(*screen, child); };
-        const Outcome outcome =
-            start({"env", "-C", folder.path().string(), "XDG_STATE_HOME=" + folder.path().string(),
-                   "bash", "-c", shell},
-                  nullptr, meanwhile);
-        ASSERT_EQ(outcome.status, 0) << shell << "\n" << outcome.err;
-        for (const char* left : line->leaves)
-            EXPECT_TRUE(fs::exists(folder / left) && !fs::is_empty(folder / left))
-                << shell << ": " << left;
+        ASSERT_NO_FATAL_FAILURE(run(*line, folder));
     }
+}
+
+TEST(Help, ItsExamplesDoWhatTheySay) {
+    size_t count = 0;
+    for (const CommandEntry& entry : CommandEntry::all()) {
+        std::istringstream lines(entry.example);
+        for (std::string line; std::getline(lines, line);) {
+            const std::string example = fmt::format("{}", fmt::join(wordsOf(line), " "));
+            EXPECT_EQ(std::ranges::count(kExamples, example, &Line::command) +
+                          std::ranges::count(kExamplesNotRun, example, &Unrun::command),
+                      1)
+                << "an example that is neither run nor listed here: " << example;
+            ++count;
+        }
+    }
+    EXPECT_EQ(count, kExamples.size() + kExamplesNotRun.size());
+    Folder folder;
+    folder.write("small.toml", std::string(kSmallRun));
+    for (const Line& line : kExamples) ASSERT_NO_FATAL_FAILURE(run(line, folder));
 }
 
 // What this test says of the page is true, and so is what the page says of flags.
@@ -271,15 +363,19 @@ TEST(Readme, NamesWhatThereIs) {
     std::string tests;
     for (const auto& entry : fs::directory_iterator(sourceFolder() / "tests"))
         if (entry.path().extension() == ".cpp") tests += bytesOf(entry.path());
+    const auto isATest = [&](const Unrun& line) {
+        if (!line.test) return true;
+        std::string test = line.test;
+        test.replace(test.find('.'), 1, ", ");
+        return tests.find("(" + test + ")") != std::string::npos;
+    };
+    for (const Unrun& line : kExamplesNotRun) EXPECT_TRUE(isATest(line)) << line.test;
     for (const Unrun& line : kNotRun) {
+        EXPECT_TRUE(isATest(line)) << line.test;
         EXPECT_GT(std::ranges::count(page.commands, line.command) +
                       std::ranges::count(page.scripts, line.command),
                   0)
             << line.command;
-        if (!line.test) continue;
-        std::string test = line.test;
-        test.replace(test.find('.'), 1, ", ");
-        EXPECT_NE(tests.find("(" + test + ")"), std::string::npos) << line.test;
     }
     for (const std::string& script : page.scripts)
         EXPECT_TRUE(fs::exists(sourceFolder() / script)) << script;
