@@ -175,6 +175,10 @@ TEST(GivenMasks, AreTakenAndWhatTheyContradictIsLeftOut) {
     settings.request.plate.clear();
     settings.request.cutOutBy = CutOutBy::Edges;
     EXPECT_EQ(messageOf<InputError>([&] { importCapture(settings, noBody); }), both);
+    settings.request.plate = folder / "clip/images/01.png";
+    EXPECT_EQ(messageOf<InputError>([&] { importCapture(settings, noBody); }),
+              "--plate: expected --cut-out all, for it is a picture of what is behind");
+    settings.request.plate.clear();
     settings.request.cutOutBy = CutOutBy::All;
     // Not the pictures for the masks.
     settings.request.masks = folder / "clip/images";

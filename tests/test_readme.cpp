@@ -302,10 +302,10 @@ void run(const Line& line, const Folder& folder) {
     for (const char* taken : line.takes)
         if (!fs::exists(folder / taken)) makeStandIn(folder, taken);
     std::string shell = line.shorter ? line.shorter : line.command;
-    // Other commands than these have no such flag.
-    if (shell.starts_with("build/doppel") ||
-        (shell.starts_with("doppel ") && !shell.starts_with("doppel completion") &&
-         !shell.starts_with("doppel manual")))
+    // Which these two do not take.
+    const bool hasConfig =
+        !shell.starts_with("doppel completion") && !shell.starts_with("doppel manual");
+    if (hasConfig && (shell.starts_with("build/doppel") || shell.starts_with("doppel")))
         shell += " --config small.toml";
     if (line.needs == Needs::Networks) shell += " --pose lite";
     std::unique_ptr<Screen> screen;

@@ -170,6 +170,37 @@ TEST_F(ControlsTest, TheCameraIsCopiedAsJsonAndPasted) {
     EXPECT_NEAR(viewer.camera().pitch, -.2, 1e-6);
 }
 
+// What is seen through the capture's camera is not the view that would be copied.
+TEST_F(ControlsTest, OnlyAViewThatIsSeenIsCopied) {
+    ViewerOptions options;
+    options.motion = *folder_ / "recorded";
+    writeColouredCapture(options.motion, turningMotion(2));
+    Viewer& viewer = openTab("View", options);
+    const auto copies = [&](const std::function<void()>& copy) {
+        viewer.window().setClipboard("before");
+        copy();
+        settle();
+        return viewer.window().clipboard() != "before";
+    };
+    const std::vector<std::function<void()>> ways{[&] {
+                                                      screen_->keyDown("Control_L");
+                                                      keyWith("Shift_L", "c");
+                                                      screen_->keyUp("Control_L");
+                                                  },
+                                                  [&] { clickItem("copy camera"); },
+                                                  [&] { clickItem("copy as JSON"); }};
+    for (const auto& copy : ways) {
+        viewer.settings().captureCamera = false;
+        settle();
+        EXPECT_TRUE(copies(copy));
+        viewer.settings().captureCamera = true;
+        settle();
+        EXPECT_FALSE(copies(copy));
+        EXPECT_NE(viewer.message().find("the viewer's own camera"), std::string::npos)
+            << viewer.message();
+    }
+}
+
 // The floor's lines are lighter than this background, so that what is darker is the shadow.
 TEST_F(ControlsTest, TheBodyThrowsAContactShadow) {
     Viewer& viewer = open();

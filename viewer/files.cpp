@@ -171,6 +171,12 @@ void Viewer::pastePose(const fs::path& path) {
     } catch (const InputError& error) {
         throwInput("{}: {}", path.string(), error.what());
     }
+    opened(path);
+}
+
+void Viewer::openKeysFile(const fs::path& path) {
+    chooseKeys(path.string());
+    opened(path);
 }
 
 void Viewer::openFile(const fs::path& path) {
@@ -192,13 +198,11 @@ void Viewer::openFile(const fs::path& path) {
                             throwInput("{}{}", error.what(), importAdvice(path));
                         }
                     });
-    else if (extension == ".json") {
+    else if (extension == ".json")
         pastePose(path);
-        opened(path);
-    } else if (extension == ".toml") {
-        chooseKeys(path.string());
-        opened(path);
-    } else
+    else if (extension == ".toml")
+        openKeysFile(path);
+    else
         openPicture(path);
 }
 

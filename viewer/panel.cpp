@@ -231,13 +231,14 @@ void Viewer::drawViewTab() {
         slider("field of view", "How much of the height the camera sees, degrees.", degrees, 5, 100,
                "%.0f deg"))
         orbit_.fieldOfView = degrees / kDegrees;
-    if (button("copy camera", keys_.tip("As --camera takes it", Action::CopyCamera))) copyCamera();
+    if (button("copy camera", keys_.tip("As --camera takes it", Action::CopyCamera)))
+        attempt([&] { copyCamera(); });
     beside("copy as JSON");
     if (button(
             "copy as JSON",
             "The camera for other programs: the text of --camera, the size, and OpenCV's matrices; "
             "\"paste camera\" takes it, too."))
-        copyCameraJson();
+        attempt([&] { copyCameraJson(); });
     beside("paste camera");
     if (button("paste camera", keys_.tip("A camera that was copied", Action::PasteCamera)))
         attempt([&] { pasteCamera(); });

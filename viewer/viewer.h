@@ -260,6 +260,7 @@ private:
     void openDropped();
     void askToOverwrite(const std::filesystem::path& path);
     void pastePose(const std::filesystem::path& path);
+    void openKeysFile(const std::filesystem::path& path);
     void ask(Question question);
     void askToLeave();
     // Does it, once what is not saved is saved or given up.

@@ -253,8 +253,7 @@ std::string PoseEditor::copy() const { return poseText(now_.pose, now_.betas); }
 
 void PoseEditor::paste(std::string_view text, bool mirrored) {
     Pose pose = now_.pose;
-    Betas whose = now_.betas;
-    readPoseText(text, pose, whose);
+    readPoseText(text, pose);
     setPose(mirrored ? doppel::mirrored(pose) : pose, "paste");
 }
 

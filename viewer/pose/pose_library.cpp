@@ -48,9 +48,7 @@ void PoseLibrary::read() {
         try {
             const std::vector<uint8_t> bytes = readWholeFile(entry->path(), kLargestFile);
             KeptPose kept{name, {}};
-            Betas betas{};
-            readPoseText({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, kept.pose,
-                         betas);
+            readPoseText({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, kept.pose);
             poses_.push_back(std::move(kept));
         } catch (const std::exception&) {
             continue;  // somebody else's

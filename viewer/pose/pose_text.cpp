@@ -97,7 +97,7 @@ std::string poseText(const Pose& pose, const Betas& betas) {
     return text + fmt::format(" \"betas\": {}}}\n", json(betas).dump());
 }
 
-void readPoseText(std::string_view text, Pose& pose, Betas& betas) {
+void readPoseText(std::string_view text, Pose& pose) {
     if (text.size() > kLongestText)
         throwInput("clipboard: expected a pose of at most {} bytes, found {}", kLongestText,
                    text.size());
@@ -109,7 +109,6 @@ void readPoseText(std::string_view text, Pose& pose, Betas& betas) {
         throwInput("clipboard: doppel_pose: expected version 1, found {}",
                    asShown(document["doppel_pose"]));
     Pose next = pose;
-    Betas nextBetas = betas;
     bool any = false;
     for (const auto& [field, value] : document.items()) {
         if (field == "doppel_pose") continue;
@@ -129,14 +128,13 @@ void readPoseText(std::string_view text, Pose& pose, Betas& betas) {
         } else if (field == "trans") {
             next.trans = vectorOf(numbers(value, "clipboard: trans", 3, kLargestTrans));
         } else if (field == "betas") {
-            nextBetas = betasOf(value, "clipboard: betas");
+            betasOf(value, "clipboard: betas");
         } else {
             throwInput("clipboard: expected joints, trans and betas, found {}", asShown(field));
         }
     }
     if (!any) throwInput("clipboard: expected joints, trans or betas, found none of them");
     pose = next;
-    betas = nextBetas;
 }
 
 // ---- sessions -----------------------------------------------------------------------------------

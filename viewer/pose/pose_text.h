@@ -13,10 +13,11 @@ namespace doppel {
 // Rotations are axis-angle in radians.
 std::string poseText(const Pose& pose, const Betas& betas);
 
-// Takes what is there and leaves the rest: joints that are not named, trans, betas. InputError,
+// Takes what is there and leaves the rest: joints that are not named, trans. betas say whose pose
+// it was, and have to be right, too: her shape does not go over to somebody else. InputError,
 // nothing being changed, where the text is longer than 64 KiB, is not JSON, names what does not
 // exist, or holds something else than finite numbers of sensible size.
-void readPoseText(std::string_view text, Pose& pose, Betas& betas);
+void readPoseText(std::string_view text, Pose& pose);
 
 // What was being edited, and over which files. The take's motion is not in it, but its name is.
 struct Session {
