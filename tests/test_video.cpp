@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdlib>
 #include <random>
 
@@ -112,30 +113,58 @@ TEST(Video, sameFramesGiveTheSameBytes) {
               (std::vector<uint8_t>{0, 1, 0, 1, 0, 1, 0}));
 }
 
-TEST(Video, turnsWhatThePhoneTurned) {
-    Folder folder;
+// How a film of `quarters` is shown where its track header has the matrix a b, c d.
+Image shownBy(const Folder& folder, std::array<int8_t, 4> abcd) {
     write(folder / "a.mp4", 96, 64, 2);
     std::vector<uint8_t> bytes = readWholeFile(folder / "a.mp4");
-    // The track header's matrix, 40 bytes behind the version, set to a quarter turn.
     const std::string_view name = "tkhd";
     const auto header = std::search(bytes.begin(), bytes.end(), name.begin(), name.end());
-    ASSERT_NE(header, bytes.end());
-    const auto matrix = header + 4 + 40;
+    const auto matrix = header + 4 + 40;  // 40 bytes behind the version; numbers of 16.16 bits
     std::fill(matrix, matrix + 32, uint8_t{0});
-    matrix[4 + 1] = 1;                     // b = 1.0
-    matrix[12] = 0xFF, matrix[13] = 0xFF;  // c = −1.0
+    constexpr int kPlaces[4] = {0, 4, 12, 16};
+    for (size_t i = 0; i < 4; ++i) {
+        matrix[kPlaces[i]] = abcd[i] < 0 ? 0xFF : 0;
+        matrix[kPlaces[i] + 1] = static_cast<uint8_t>(abcd[i]);
+    }
     folder.write("turned.mp4", bytes);
     VideoReader video(folder / "turned.mp4");
-    EXPECT_EQ(video.width(), 64);
-    EXPECT_EQ(video.height(), 96);
     Image frame;
-    ASSERT_TRUE(video.next(frame));
-    ASSERT_EQ(frame.width, 64);
-    // Clockwise: the stored bottom left (blue) is now at the top left, red at the top right.
-    EXPECT_GT(frame.pixel(5, 5)[2], 200);
-    EXPECT_LT(frame.pixel(5, 5)[0], 60);
-    EXPECT_GT(frame.pixel(58, 5)[0], 200);
-    EXPECT_LT(frame.pixel(58, 5)[2], 60);
+    EXPECT_TRUE(video.next(frame));
+    EXPECT_EQ(frame.width, video.width());
+    EXPECT_EQ(frame.height, video.height());
+    return frame;
+}
+
+// The quarters of a picture from the top left on, line by line: r, g, b and w for white.
+std::string quartersOf(const Image& image) {
+    std::string seen;
+    for (const int y : {5, image.height - 6})
+        for (const int x : {5, image.width - 6}) {
+            const uint8_t* pixel = image.pixel(x, y);
+            const bool white = std::min({pixel[0], pixel[1], pixel[2]}) > 200;
+            seen += white ? 'w' : "rgb"[std::max_element(pixel, pixel + 3) - pixel];
+        }
+    return seen;
+}
+
+TEST(Video, turnsWhatThePhoneTurned) {
+    Folder folder;
+    const Image stored = shownBy(folder, {1, 0, 0, 1});
+    EXPECT_EQ(quartersOf(stored), "rgbw");
+    const Image clockwise = shownBy(folder, {0, 1, -1, 0});
+    EXPECT_EQ(clockwise.width, 64);
+    EXPECT_EQ(clockwise.height, 96);
+    EXPECT_EQ(quartersOf(clockwise), "brwg");
+    EXPECT_EQ(quartersOf(shownBy(folder, {-1, 0, 0, -1})), "wbgr");
+    EXPECT_EQ(quartersOf(shownBy(folder, {0, -1, 1, 0})), "gwrb");
+}
+
+TEST(Video, mirrorsWhatThePhoneMirrored) {
+    Folder folder;
+    EXPECT_EQ(quartersOf(shownBy(folder, {-1, 0, 0, 1})), "grwb");   // left and right
+    EXPECT_EQ(quartersOf(shownBy(folder, {1, 0, 0, -1})), "bwrg");   // up and down
+    EXPECT_EQ(quartersOf(shownBy(folder, {0, 1, 1, 0})), "rbgw");    // along the diagonal
+    EXPECT_EQ(quartersOf(shownBy(folder, {0, -1, -1, 0})), "wgbr");  // along the other one
 }
 
 TEST(Video, leavesNothingUnfinished) {

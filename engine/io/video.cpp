@@ -41,6 +41,13 @@ Image turned(const Image& image, int degrees) {
     return result;
 }
 
+void mirror(Image& image) {
+    for (int y = 0; y < image.height; ++y)
+        for (int left = 0, right = image.width - 1; left < right; ++left, --right)
+            std::swap_ranges(image.pixel(left, y), image.pixel(left, y) + image.channels,
+                             image.pixel(right, y));
+}
+
 // ---- wide colours and high dynamic range
 // ---------------------------------------------------------
 
@@ -247,6 +254,7 @@ struct VideoReader::Parts {
                 std::copy(colour.begin(), colour.end(), stored.pixel(x, y));
             }
         }
+        if (mirrored) mirror(stored);
         image = turned(stored, rotation);
     }
 
@@ -260,7 +268,8 @@ struct VideoReader::Parts {
     std::vector<uint8_t> rows;
     std::optional<WideColours> wide;  // where the film's colours are not sRGB's
     int codedWidth = 0, codedHeight = 0, rotation = 0;
-    ImageSize size;  // of the pictures that are given
+    bool mirrored = false;  // left and right, before it is turned
+    ImageSize size;         // of the pictures that are given
     int64_t frames = 0;
     double time = 0;
 };
@@ -315,9 +324,16 @@ VideoReader::VideoReader(const std::filesystem::path& path, int mostRows)
 
     p.wide = wideColours(parameters);
 
-    const uint8_t* matrix = av_stream_get_side_data(p.stream, AV_PKT_DATA_DISPLAYMATRIX, nullptr);
-    if (matrix != nullptr) {
-        const double degrees = -av_display_rotation_get(reinterpret_cast<const int32_t*>(matrix));
+    std::array<int32_t, 9> place;
+    size_t bytes = 0;
+    const uint8_t* matrix = av_stream_get_side_data(p.stream, AV_PKT_DATA_DISPLAYMATRIX, &bytes);
+    if (matrix != nullptr && bytes >= sizeof place) {
+        std::memcpy(place.data(), matrix, sizeof place);
+        // Cameras for selfies mirror; what is left without that is a turn.
+        p.mirrored = double(place[0]) * place[4] < double(place[1]) * place[3];
+        if (p.mirrored)
+            for (const size_t i : {0, 1}) place[i] = -std::max(place[i], -INT32_MAX);
+        const double degrees = -av_display_rotation_get(place.data());
         if (std::isfinite(degrees)) {
             p.rotation = ((static_cast<int>(std::lround(degrees / 90)) * 90) % 360 + 360) % 360;
         }
