@@ -13,6 +13,7 @@
 #include "tests/refusals.h"
 #include "trainer/avatar/avatar.h"
 #include "trainer/avatar/bake.h"
+#include "trainer/avatar/training_poses.h"
 #include "trainer/commands/eval.h"
 #include "trainer/data/capture_writer.h"
 #include "trainer/eval/clip_truth.h"
@@ -42,6 +43,15 @@ protected:
         avatar_.preset = presetByName("ci");
     }
     static void TearDownTestSuite() { folder_.reset(); }
+    // The avatar as its files have it: a person's own body has no shape directions.
+    static Avatar writable() {
+        Avatar avatar = avatar_;
+        avatar.bodyArrays = readNpz(assetFolder() / "actor/woman.npz");
+        const int64_t vertices = avatar.body.vertexCount;
+        avatar.bodyArrays.set(
+            "shapedirs", Array::f32({vertices, 3, 10}, std::vector<float>(size_t(30 * vertices))));
+        return avatar;
+    }
     static std::unique_ptr<test::Folder> folder_;
     static Capture capture_;
     static Avatar avatar_;
@@ -121,6 +131,44 @@ TEST_F(Evaluate, AReportShowsEveryFrame) {
     EXPECT_NE(html.find("sharpness_head"), std::string::npos);
 }
 
+// Frames that an avatar was trained on have the poses that training found, which is said.
+TEST_F(Evaluate, SaysWhosePosesItTakes) {
+    const test::Folder folder;
+    const std::string person = (folder / "avatar").string(), frames = (folder / "frames").string();
+    writeAvatar(person, writable());
+    Capture given = capture_, seen = capture_.subset({{0, 1, 3}});
+    for (Trans& trans : given.trans) trans[0] += .1f;
+    writeCapture(given, frames);
+    writeTrainingPoses(person, given.subset({{0, 1, 3}}), seen);
+    const auto evaluated = [&](std::vector<std::string> flags) {
+        flags.insert(flags.begin(), {"eval", person, frames});
+        const test::Outcome outcome = test::doppel(flags);
+        EXPECT_EQ(outcome.status, 0) << outcome.err;
+        return outcome;
+    };
+    const auto iou = [](const test::Outcome& outcome) {
+        const std::string name = "silhouette IoU";
+        return std::stod(outcome.out.substr(outcome.out.find(name) + name.size()));
+    };
+    const auto says = [](const std::string& text, const char* what) {
+        return text.find(what) != std::string::npos;
+    };
+    constexpr const char* kTaken =
+        "the poses that training found for them are taken; "
+        "--given-poses leaves them as the capture has them";
+    const test::Outcome trained = evaluated({"--frames", "0,1,3"});
+    EXPECT_TRUE(says(trained.err, kTaken)) << trained.err;
+    EXPECT_TRUE(says(trained.out, "3 frames, poses as training found them\n")) << trained.out;
+    EXPECT_TRUE(says(trained.out, "was trained on")) << trained.out;
+    EXPECT_GT(iou(trained), .95);
+    const test::Outcome some = evaluated({});
+    EXPECT_TRUE(says(some.out, "poses as training found them in 3, as given in 1\n")) << some.out;
+    const test::Outcome asGiven = evaluated({"--given-poses"});
+    EXPECT_FALSE(says(asGiven.err, kTaken)) << asGiven.err;
+    EXPECT_TRUE(says(asGiven.out, "4 frames, poses as given\n")) << asGiven.out;
+    EXPECT_LT(iou(asGiven), .8);
+}
+
 // The actress through her own eyes, her poses lost: her pictures find them again, colours better
 // than outlines.
 TEST_F(Evaluate, PicturesFindPoses) {
@@ -151,11 +199,7 @@ TEST_F(Evaluate, PicturesFindPoses) {
 // The same as a user does it, with frames of a person who has an avatar: the capture that comes out
 // drives it.
 TEST_F(Evaluate, FitPutsAnAvatarIntoFrames) {
-    Avatar avatar = avatar_;
-    avatar.bodyArrays = readNpz(assetFolder() / "actor/woman.npz");
-    const int64_t vertices = avatar.body.vertexCount;
-    avatar.bodyArrays.set("shapedirs",
-                          Array::f32({vertices, 3, 10}, std::vector<float>(size_t(30 * vertices))));
+    Avatar avatar = writable();
     avatar.betas = {.4f};
     avatar.preset.shape.size = avatar.preset.texels.size = 96;
     const test::Folder folder;

@@ -126,6 +126,14 @@ TEST(PersonTracker, AloneNobodyIsMistaken) {
     EXPECT_EQ(f.found, 30);
 }
 
+TEST(PersonTracker, WhomNobodySeesIsNotFollowed) {
+    NEEDS_MODELS();
+    EXPECT_NE(test::messageOf<InputError>([] {
+                  follow({{&actor("man"), oneTake(2, 3)}}, 3);
+              }).find("--person: expected 1 to 1, as many as the first picture shows, found 3"),
+              std::string::npos);
+}
+
 TEST(Appearance, ClothesTellPeopleApart) {
     PersonLandmarks person;
     person.roi = {{50, 50}, 100, 0};

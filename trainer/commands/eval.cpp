@@ -17,11 +17,27 @@ namespace doppel {
 
 namespace {
 
+// What is said of one capture's frames beside their figures.
+struct Findings {
+    std::string poses;  // where they are from
+    std::vector<std::string> remarks;
+};
+
+// "as given", "as training found them" or "fitted to their masks"; `trained`: those of so many
+// frames are training's.
+std::string posesFrom(const EvalOptions& options, size_t trained, size_t frames) {
+    if (!options.fitTestPoses.empty()) return "fitted to their " + options.fitTestPoses;
+    if (trained == 0) return "as given";
+    return trained == frames ? "as training found them"
+                             : fmt::format("as training found them in {}, as given in {}", trained,
+                                           frames - trained);
+}
+
 // One capture's frames through one avatar.
 Evaluation evaluateOne(Device& device, const std::filesystem::path& avatarFolder,
                        const std::filesystem::path& captureFolder, const EvalOptions& options,
                        const Measures& measures, const std::filesystem::path& pictures,
-                       Settings* settings, std::vector<std::string>& remarks) {
+                       Settings* settings, Findings& findings) {
     Avatar avatar = readAvatar(avatarFolder);
     TextureKind texture = textureKind(options.texture);
     requireTexture(avatar, texture, avatarFolder);
@@ -31,9 +47,11 @@ Evaluation evaluateOne(Device& device, const std::filesystem::path& avatarFolder
     if (settings) settings->insert(settings->end(), {{"preset", avatar.preset.name}});
     const Capture given = capture;
     const size_t seen = takeTrainingPoses(avatarFolder, capture);
+    std::vector<std::string>& remarks = findings.remarks;
     if (const std::string whose = whoseFrames(avatar.provenance, capture, seen); !whose.empty())
         remarks.push_back(whose);
     if (options.givenPoses) capture = given;
+    findings.poses = posesFrom(options, options.givenPoses ? 0 : seen, capture.size());
     if (seen > 0 && !options.givenPoses && options.fitTestPoses.empty())
         fmt::print(stderr,
                    "{}: the poses that training found for them are taken; --given-poses leaves "
@@ -70,12 +88,10 @@ Evaluation evaluateOne(Device& device, const std::filesystem::path& avatarFolder
     return evaluateCapture(device, avatar, capture, evaluate);
 }
 
-void printOne(const Evaluation& evaluation, const EvalOptions& options, const Measures& measures,
+void printOne(const Evaluation& evaluation, const std::string& poses, const Measures& measures,
               const std::vector<std::string>& remarks) {
     FrameMetrics mean = meanMetrics(evaluation.frames);
-    fmt::print(
-        "{} frames, poses {}\n", evaluation.frames.size(),
-        options.fitTestPoses.empty() ? "as given" : "fitted to their " + options.fitTestPoses);
+    fmt::print("{} frames, poses {}\n", evaluation.frames.size(), poses);
     fmt::print("  silhouette IoU  {:.3f}\n", mean.iou);
     fmt::print("  PSNR            {:.2f} dB over the body, {:.2f} dB over the frame\n",
                mean.psnrBody, mean.psnrFrame);
@@ -119,17 +135,19 @@ void runEval(const EvalOptions& options) {
         {"device", device.info().name}};
     std::vector<EvaluatedCapture> evaluated;
     std::vector<std::string> ownRemarks;  // of single captures
+    std::string poses;                    // of the last one
     for (const CollectionEntry& entry : entries) {
         if (collection)
             fmt::print(stderr, "{} of {}: {}, {}\n", evaluated.size() + 1, entries.size(),
                        entry.actor, entry.motion);
         std::filesystem::path pictures = options.pictures;
         if (collection && !pictures.empty()) pictures = pictures / entry.actor / entry.motion;
-        std::vector<std::string> own;
+        Findings own;
         evaluated.push_back({entry, evaluateOne(device, avatarOf(options.avatar, entry.actor),
                                                 entry.folder, options, measures, pictures,
                                                 collection ? nullptr : &settings, own)});
-        for (const std::string& remark : own)
+        poses = own.poses;
+        for (const std::string& remark : own.remarks)
             ownRemarks.push_back(
                 collection ? fmt::format("{}, {}: {}", entry.actor, entry.motion, remark) : remark);
     }
@@ -148,7 +166,7 @@ void runEval(const EvalOptions& options) {
     }
     const Evaluation& one = evaluated[0].evaluation;
     if (!options.common.json) {
-        printOne(one, options, measures, remarks);
+        printOne(one, poses, measures, remarks);
         return;
     }
     std::cout << metricsJson(one.frames, settings, true,
