@@ -158,6 +158,9 @@ void Viewer::drawStatus() {
         text(plain, fmt::format("film: {:.0f} %, {}{}", 100. * filmProgress(),
                                 film_->out().filename().string(),
                                 leaveAfterFilm_ ? "; then the window closes" : ""));
+    if (making_)
+        text(plain, fmt::format("avatar of {}: {}", making_->clip().filename().string(),
+                                making_->stops() ? "stops" : making_->brief()));
     if (export_ && window_.closed()) text(bad, "the window closes once the glTF file is written");
     size_t shown = 0;
     for (auto message = messages_.rbegin(); message != messages_.rend() && shown < kMessagesShown;

@@ -9,7 +9,6 @@
 #include "engine/files/atomic_file.h"
 #include "engine/files/ending.h"
 #include "engine/io/films/kinds.h"
-#include "engine/io/video.h"
 #include "trainer/avatar/rendering.h"
 #include "trainer/avatar/training_poses.h"
 #include "trainer/data/frame_selection.h"
@@ -45,24 +44,14 @@ bool isThere(const fs::path& path) {
     return fs::exists(fs::symlink_status(path, ignored));
 }
 
-bool isClip(const fs::path& path) {
-    try {
-        return VideoReader(path).duration() > 0;
-    } catch (const std::exception&) {
-        return false;
-    }
-}
-
 // What makes something of it that the window shows; empty: nothing does.
 std::string importAdvice(const fs::path& path) {
     std::error_code ignored;
-    const bool folder = fs::is_directory(path, ignored) && !isThere(path / "poses.npz");
-    if (!folder && !isClip(path)) return {};
+    if (!fs::is_directory(path, ignored) || isThere(path / "poses.npz")) return {};
     return fmt::format(
-        "; `doppel import {0} --out CAPTURE` makes a capture of {1}, `doppel avatar {0} --out DIR` "
-        "an "
-        "avatar",
-        path.string(), folder ? "pictures and of what other programs wrote" : "a clip");
+        "; `doppel import {} --out CAPTURE` makes a capture of pictures and of what other programs "
+        "wrote",
+        path.string());
 }
 
 // Or will be, once another window or a film has finished it.
@@ -195,6 +184,7 @@ void Viewer::openFile(const fs::path& path) {
                         try {
                             loadMotion(path);
                         } catch (const InputError& error) {
+                            if (Making::takes(path)) return askToMake(path);
                             throwInput("{}{}", error.what(), importAdvice(path));
                         }
                     });
@@ -210,11 +200,12 @@ void Viewer::openPicture(const fs::path& path) {
     try {
         loadPicture(path);
     } catch (const InputError& error) {
+        if (Making::takes(path)) return askToMake(path);
         const std::string advice = importAdvice(path);
         throwInput("{}{}", error.what(),
                    !advice.empty()
                        ? advice
-                       : "; the window opens avatars, captures, motions, poses (.json), "
+                       : "; the window opens avatars, captures, clips, motions, poses (.json), "
                          "keys (.toml) and pictures");
     }
 }

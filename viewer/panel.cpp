@@ -437,8 +437,9 @@ bool Viewer::drawPathField(const std::string& does) {
 
 void Viewer::drawFilesTab() {
     words(
-        "Drop an avatar, a capture, a motion, a pose's .json or a picture on the window, or name "
-        "it:");
+        "Drop an avatar, a capture, a clip, a motion, a pose's .json or a picture on the window, "
+        "or "
+        "name it:");
     const bool entered = drawPathField("A file or folder; Enter opens it.");
     const bool named = pathText_[0] != 0;
     if ((button("open", "The avatar, motion, pose or picture of this name.", named) || entered) &&
@@ -458,6 +459,13 @@ void Viewer::drawFilesTab() {
         attempt([&] { chooseFile(FileDialog::Asks::Folder); });
     if (button("choose where to save", keys_.tip("Poses, .npz", Action::SaveAs) + none, asks))
         attempt([&] { chooseNewFile(); });
+    if (making_) {
+        words(fmt::format("An avatar is being made of {}: {}", making_->clip().filename().string(),
+                          making_->brief()));
+        if (button("stop making it", "What is done stays; the clip, dropped again, goes on.",
+                   !making_->stops()))
+            stopMaking();
+    }
     if (motion()) {
         words(fmt::format("motion: {}, {} frames at {:.4g} fps", motion()->name, motion()->size(),
                           motion()->fps));

@@ -36,6 +36,7 @@ struct ViewerOptions {
     // Milliseconds that a picture may take for its edges to be smooth while something moves;
     // without: 5 on a GPU, and none on a CPU.
     std::optional<double> smoothWithin;
+    std::filesystem::path program;  // `doppel`, which makes avatars of clips; empty: this one
 };
 
 // What is compared side by side, to the left what is named first: body and refined, coarse and

@@ -215,6 +215,9 @@ bool Viewer::frame() {
         } else if (film_ && !leaveAfterFilm_) {
             window_.keepOpen();
             if (!question_) askToLeaveFilm();
+        } else if (making_) {
+            window_.keepOpen();
+            if (!question_) askToLeaveMaking();
         } else if (!working()) {  // it is finished first
             recovery_.clear();
             return false;
@@ -244,6 +247,7 @@ bool Viewer::frame() {
     noteCamera();
     if (working()) attempt([&] { advanceJobs(); });
     attempt([&] { advanceMix(); });
+    attempt([&] { advanceMaking(); });
     keepSession(false);
     if (!drawable_) return true;
     if (window_.touched()) framesToDraw_ = 3;  // ImGui answers some events a frame later

@@ -28,6 +28,7 @@
 #include "viewer/job.h"
 #include "viewer/keys/bindings.h"
 #include "viewer/live/live_avatar.h"
+#include "viewer/live/making.h"
 #include "viewer/live/training_watch.h"
 #include "viewer/mix/mixer.h"
 #include "viewer/picture/moving_samples.h"
@@ -160,6 +161,9 @@ public:
     void startExport(const std::filesystem::path& out);
     void cancelFilm();
     float filmProgress() const;
+    // The avatar that is being made of a clip, if any; what is done of it stays.
+    const std::optional<Making>& making() const { return making_; }
+    void stopMaking();
     // All panes as they are seen.
     void saveScreenshot(const std::filesystem::path& path);
     void savePicture();  // as the panel says
@@ -296,6 +300,11 @@ private:
     // jobs.cpp
     void advanceJobs();
     Motion shownMotion() const;
+
+    // live/making_avatars.cpp
+    void askToMake(const std::filesystem::path& clip);
+    void advanceMaking();
+    void askToLeaveMaking();
 
     // films/filming.cpp
     FilmPlan filmPlan(const std::filesystem::path& out, const FilmSettings& settings);
@@ -636,6 +645,8 @@ private:
     int filmKind_ = 0;                  // of videoKinds(), and behind them a folder of pictures
     std::unique_ptr<ExportJob> export_;
     std::unique_ptr<ExportJob> mixSave_;
+    std::optional<Making> making_;
+    bool madeShown_ = false;                        // the avatar that is being made was opened
     std::array<char, 512> pathText_{}, outText_{};  // what is opened; what is written
 
     std::deque<Message> messages_;  // the latest at the back

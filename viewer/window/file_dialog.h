@@ -2,11 +2,11 @@
 // that the window goes on meanwhile.
 #pragma once
 
-#include <sys/types.h>
-
 #include <filesystem>
 #include <optional>
 #include <string>
+
+#include "viewer/window/process.h"
 
 namespace doppel {
 
@@ -25,15 +25,14 @@ public:
     // Shows one, in the place of another that is open. start: the folder, or the name that is
     // proposed. MachineError where it cannot be started.
     void open(Asks asks, const std::string& title, const std::filesystem::path& start);
-    bool isOpen() const { return process_ > 0; }
+    bool isOpen() const { return process_.running(); }
     // The name that was chosen, once: nothing while it is open, or where it was closed without one.
     std::optional<std::filesystem::path> chosen();
 
 private:
     void end();
 
-    pid_t process_ = 0;
-    int answers_ = -1;  // the end of a pipe to read from
+    Process process_;
     std::string answer_;
 };
 

@@ -1,0 +1,74 @@
+#include "viewer/live/making.h"
+
+#include <signal.h>
+
+#include <fmt/format.h>
+
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "engine/io/video.h"
+#include "trainer/data/frame_selection.h"
+#include "trainer/data/output_folder.h"
+
+namespace doppel {
+namespace fs = std::filesystem;
+
+bool Making::takes(const fs::path& clip) {
+    std::error_code error;
+    if (fs::is_directory(clip, error)) return !picturesOfFolder(clip).empty();
+    try {
+        return VideoReader(clip).duration() > 0;
+    } catch (const std::exception&) {
+        return false;
+    }
+}
+
+fs::path Making::folderOf(const fs::path& clip) {
+    const fs::path whole = fs::absolute(clip / "").parent_path();  // without a slash at its end
+    return whole.parent_path() / (whole.stem().string() + "-avatar");
+}
+
+Making::Making(const fs::path& program, fs::path clip, const std::string& device)
+    : clip_(std::move(clip)), line_("starts") {
+    std::vector<std::string> words{program.string(), "avatar", fs::absolute(clip_).string(),
+                                   "--out", folderOf(clip_).string()};
+    if (!device.empty()) words.insert(words.end(), {"--device", device});
+    constexpr const char* kLog = "log.txt";
+    claimFiles(folderOf(clip_), "person", {kLog});
+    process_.start(std::move(words), folderOf(clip_) / kLog);
+}
+
+bool Making::update() {
+    if (status_) return false;
+    status_ = process_.ended();
+    unread_ += process_.said();
+    std::string before = line_;
+    for (size_t end; (end = unread_.find('\n')) != std::string::npos;) {
+        if (end > 0) line_ = unread_.substr(0, end);
+        unread_.erase(0, end + 1);
+    }
+    constexpr size_t kLongest = 4096;  // who never ends a line does not fill the memory
+    if (unread_.size() > kLongest) unread_.clear();
+    constexpr std::string_view kName = "doppel: ";  // before what went wrong
+    if (line_.starts_with(kName)) line_.erase(0, kName.size());
+    if (status_ > 128 && !stops_)
+        line_ = fmt::format("{}: killed by signal {}; dropped again it goes on from there",
+                            clip_.filename().string(), *status_ - 128);
+    return status_ || line_ != before;
+}
+
+std::string Making::brief() const {
+    constexpr std::string_view kBetween = "  ";  // what a line of progress has
+    const size_t first = line_.find(kBetween), last = line_.rfind(kBetween);
+    if (first == std::string::npos) return line_;
+    return line_.substr(0, first) + ", " + line_.substr(last + kBetween.size());
+}
+
+void Making::stop() {
+    stops_ = true;
+    process_.send(SIGINT);
+}
+
+}  // namespace doppel

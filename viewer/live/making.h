@@ -1,0 +1,47 @@
+// An avatar that is made of a clip by `doppel avatar`, beside the window.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "viewer/window/process.h"
+
+namespace doppel {
+
+class Making {
+public:
+    // Whether the program makes avatars of such a thing: a film, or a folder of pictures.
+    static bool takes(const std::filesystem::path& clip);
+    // Where an avatar of it goes: beside it, clip-avatar of clip.mp4.
+    static std::filesystem::path folderOf(const std::filesystem::path& clip);
+
+    // program: the `doppel` that does it, on the device of this name; empty: the best one. Goes on
+    // where the folder has what was begun of the same clip. MachineError where it cannot be
+    // started.
+    Making(const std::filesystem::path& program, std::filesystem::path clip,
+           const std::string& device);
+
+    const std::filesystem::path& clip() const { return clip_; }
+    std::filesystem::path avatar() const { return folderOf(clip_) / "avatar"; }
+    // Listens to the program. Whether its line is another one, or it has ended.
+    bool update();
+    // What it said last: how far it is, or why it ended.
+    const std::string& line() const { return line_; }
+    // The same without a stage's losses, which the window shows elsewhere.
+    std::string brief() const;
+    // Its exit status, once it has ended.
+    const std::optional<int>& status() const { return status_; }
+    // As Ctrl-C does: it keeps what it has done.
+    void stop();
+    bool stops() const { return stops_; }
+
+private:
+    std::filesystem::path clip_;
+    Process process_;
+    std::string unread_, line_;
+    std::optional<int> status_;
+    bool stops_ = false;
+};
+
+}  // namespace doppel
