@@ -114,6 +114,18 @@ TEST_F(MakingTest, IsAskedForWatchedAndShown) {
     EXPECT_EQ(viewer.message(), "avatar in " + (made() / "avatar").string());
 }
 
+// Also while the panel dresses somebody by whoever is opened.
+TEST_F(MakingTest, IsShownAndNotMixed) {
+    Viewer& viewer = opened();
+    viewer.settings().panel = true;
+    settle();
+    clickItem("Mix");
+    make();
+    end(0, "");
+    until("the avatar", [&] { return viewer.avatar().betas[0] == 2; });
+    until("its end", [&] { return !viewer.making(); });
+}
+
 TEST_F(MakingTest, WhatWentWrongIsSaid) {
     Viewer& viewer = opened();
     fs::remove(own_ / "avatar");  // it makes none

@@ -168,14 +168,17 @@ void Viewer::openKeysFile(const fs::path& path) {
     opened(path);
 }
 
+void Viewer::openPerson(const fs::path& folder) {
+    afterSavingMix(fmt::format("Opening {} puts away what is mixed, which is not saved.",
+                               folder.filename().string()),
+                   [this, folder] { openAvatar(folder); });
+}
+
 void Viewer::openFile(const fs::path& path) {
     const bool mixes = settings_.panel && tab_ == kMixTab;
     const fs::path folder = path.filename() == "avatar.toml" ? path.parent_path() : path;
     if (LiveAvatar::isAvatar(folder) && mixes) return mixWith(folder);
-    if (LiveAvatar::isAvatar(folder))
-        return afterSavingMix(fmt::format("Opening {} puts away what is mixed, which is not saved.",
-                                          folder.filename().string()),
-                              [this, folder] { openAvatar(folder); });
+    if (LiveAvatar::isAvatar(folder)) return openPerson(folder);
     const std::string extension = endingOf(path);
     if (isMotion(path))
         afterSaving(fmt::format("Opening {} puts away what you edited, which is not saved.",

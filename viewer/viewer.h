@@ -260,6 +260,7 @@ private:
 
     // files.cpp
     Take readForPlaying(const std::filesystem::path& path, const std::string& frames);
+    void openPerson(const std::filesystem::path& folder);  // once what is mixed is saved
     void openPicture(const std::filesystem::path& path);
     void openDropped();
     void askToOverwrite(const std::filesystem::path& path);
@@ -304,6 +305,7 @@ private:
     // live/making_avatars.cpp
     void askToMake(const std::filesystem::path& clip);
     void advanceMaking();
+    void endMaking();
     void askToLeaveMaking();
 
     // films/filming.cpp

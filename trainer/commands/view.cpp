@@ -59,7 +59,8 @@ const Command<ViewOptions> kView{{
     .description =
         "Opens a window with the avatar. Drag a joint and the limb follows, turn the camera "
         "with the\nleft or middle button, press H for all keys. While a training runs in the "
-        "avatar's folder its\npresent state is shown.",
+        "avatar's folder its\npresent state is shown. What Doppel reads may be dropped on the "
+        "window; a clip becomes an\navatar.",
     .example = "doppel view avatar --motion capture",
     .flags = declareFlags,
     .run =

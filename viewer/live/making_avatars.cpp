@@ -35,20 +35,22 @@ void Viewer::stopMaking() {
 
 void Viewer::advanceMaking() {
     if (!making_) return;
-    if (making_->update()) framesToDraw_ = std::max(framesToDraw_, 1);
+    const bool news = making_->update() || making_->status();
+    if (news) framesToDraw_ = std::max(framesToDraw_, 1);
     const fs::path avatar = making_->avatar();
-    if (question_) return;
+    if (question_ || !news) return;
+    if (making_->status()) endMaking();
     // Where it was opened by hand it is shown as it is.
-    if (!madeShown_ && LiveAvatar::isAvatar(avatar)) {
-        madeShown_ = true;
-        if (source_.folder() != avatar) openFile(avatar);
-    }
-    if (!making_->status()) return;
+    if (madeShown_ || !LiveAvatar::isAvatar(avatar)) return;
+    if (source_.folder() != avatar) openPerson(avatar);
+    madeShown_ = true;
+}
+
+void Viewer::endMaking() {
     const Making made = std::move(*making_);
     making_.reset();
-    framesToDraw_ = std::max(framesToDraw_, 1);
     if (*made.status() == 0)
-        say(fmt::format("avatar in {}", avatar.string()));
+        say(fmt::format("avatar in {}", made.avatar().string()));
     else if (made.stops())
         say(fmt::format("{}: stopped; dropped again it goes on from there",
                         made.clip().filename().string()));
