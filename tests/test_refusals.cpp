@@ -104,6 +104,23 @@ TEST_F(Refusals, FramesThatAreNotThere) {
     }
 }
 
+// What makes an avatar of what somebody has in its place, or where one lies.
+TEST_F(Refusals, AClipInAnAvatarsPlace) {
+    const auto with = [&](std::vector<std::string> words, const char* name) {
+        for (std::string& word : words)
+            if (word == at("avatar")) word = at(name);
+        return words;
+    };
+    write(*this / "clip.mp4", "a film");
+    fs::create_directory(*this / "person");
+    fs::create_directory_symlink(*this / "avatar", *this / "person/avatar");
+    for (const auto& words : {render(at("results/r")), exporting(at("results/a.glb"))}) {
+        refuses(with(words, "clip.mp4"),
+                "found none; `doppel avatar` makes one of a video or of pictures", 2);
+        refuses(with(words, "person"), "found none; there is one in ", 2);
+    }
+}
+
 TEST_F(Refusals, FilesCutShort) {
     // What each file is needed for.
     struct Cut {

@@ -185,12 +185,14 @@ void writeAvatar(const fs::path& folder, const Avatar& avatar) {
 }
 
 Avatar readAvatar(const fs::path& folder) {
-    if (!fs::exists(folder / "avatar.toml"))
-        throwInput("{}: expected an avatar's folder with an avatar.toml, found none{}",
+    if (!fs::exists(folder / "avatar.toml")) {
+        const fs::path persons = folder / "avatar";  // by `doppel avatar`
+        throwInput("{}: expected an avatar's folder with an avatar.toml, found none; {}",
                    folder.string(),
-                   fs::exists(folder / "avatar" / "avatar.toml")  // a person's, by `doppel avatar`
-                       ? fmt::format("; there is one in {}", (folder / "avatar").string())
-                       : std::string());
+                   fs::exists(persons / "avatar.toml")
+                       ? fmt::format("there is one in {}", persons.string())
+                       : "`doppel avatar` makes one of a video or of pictures");
+    }
     fs::path path = folder / "avatar.toml";
     toml::table table = parseToml(path);
     // Older programs wrote no such number.
