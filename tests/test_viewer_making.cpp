@@ -23,6 +23,7 @@ protected:
         script << "#!/bin/sh\n"
                << "cd '" << own_.path().string() << "'\n"
                << R"(echo "$@" > words
+trap 'touch over' EXIT
 echo "a first line" >&2
 echo "find the person 3/6  0:10 left" >&2
 trap 'echo "doppel: interrupted" >&2; touch stopped; exit 130' INT
@@ -40,6 +41,7 @@ exit $(cat end)
     void TearDown() override {
         end(1, "");  // whatever still runs
         viewer_.reset();
+        if (isThere("words")) await("the script's end", [&] { return isThere("over"); });
         fs::remove_all(made());
         ViewerTest::TearDown();
     }
