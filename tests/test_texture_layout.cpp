@@ -55,27 +55,6 @@ TEST(Texture, BinomialMean) {
     }
 }
 
-TEST(Texture, HalvesItsSides) {
-    auto reference = [](const Values& v) -> Values {
-        const Value& x = v.at("x");
-        const int64_t w = x.shape[1], channels = x.shape[2];
-        Value y{{x.shape[0] / 2, w / 2, channels}, {}};
-        for (int64_t row = 0; row < x.shape[0] / 2; ++row)
-            for (int64_t column = 0; column < w / 2; ++column)
-                for (int64_t c = 0; c < channels; ++c) {
-                    double sum = 0;
-                    for (int64_t v2 : {0, 1})
-                        for (int64_t u : {0, 1})
-                            sum += x.data[size_t(((2 * row + v2) * w + 2 * column + u) * channels +
-                                                 c)];
-                    y.data.push_back(sum / 4);
-                }
-        return {{"y", y}};
-    };
-    for (const Shape& shape : {Shape{2, 2, 1}, {2, 8, 3}, {10, 2, 2}, {12, 14, 3}, {6, 16, 4}})
-        checkOp("halve", {.inputs = {{"x", random(shape)}}, .reference = reference});
-}
-
 // Random normals, zero at one vertex; texels in a face, on its edge, at a corner and between the
 // charts.
 TEST(Texture, UnderALight) {

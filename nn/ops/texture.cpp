@@ -113,21 +113,6 @@ std::vector<float> binomialMean(const std::vector<float>& x, int64_t height, int
     return y;
 }
 
-Tensor halved(Graph& graph, const Tensor& x) {
-    CHECK(x.shape.size() == 3 && x.dim(0) % 2 == 0 && x.dim(1) % 2 == 0,
-          "a texture that is halved is [H,W,C] of even sides, not {}", toString(x.shape));
-    Tensor y = graph.temporary({x.dim(0) / 2, x.dim(1) / 2, x.dim(2)});
-    const HalveParams params{u32(y.elements()), u32(y.dim(1) * y.dim(2)), u32(y.dim(2))};
-    graph.beginOp("halve");
-    graph.dispatch("texture/halve.forward", {{"x", x}, {"y", y}}, params, params.n);
-    graph.differentiate({x}, {y}, [=, &graph] {
-        graph.dispatch("texture/halve.backward",
-                       {{"x", graph.gradient(y)}, {"y", graph.gradientTarget(x)}}, params,
-                       params.n);
-    });
-    return y;
-}
-
 TexelTensors texelTensors(Graph& graph, std::span<const TexelPlace> places) {
     const auto side = static_cast<int64_t>(std::lround(std::sqrt(places.size())));
     std::vector<int32_t> faces;
@@ -231,21 +216,6 @@ static const Op kBinomialMean{{
     .outputs = "y",
     .differentiable = "x",
     .build = [](OpCall& c) { c.result("y", binomialMean(c.graph, c["x"])); },
-}};
-
-static const Op kHalve{{
-    .name = "halve",
-    .inputs = "x[H,W,C]",
-    .outputs = "y",
-    .differentiable = "x",
-    .build =
-        [](OpCall& c) {
-            for (int axis : {0, 1})
-                if (c["x"].dim(axis) % 2 != 0)
-                    throwInput("x: expected an even number of {}, found {}",
-                               axis == 0 ? "rows" : "columns", c["x"].dim(axis));
-            c.result("y", halved(c.graph, c["x"]));
-        },
 }};
 
 static const Op kLitTexture{{

@@ -26,10 +26,6 @@ Tensor binomialMean(Graph& graph, const Tensor& x);
 std::vector<float> binomialMean(const std::vector<float>& x, int64_t height, int64_t width,
                                 int64_t channels);
 
-// The next level of a texture's pyramid, the mean of each 2x2 texels: x [H,W,C], H and W even, to
-// [H/2,W/2,C]. Gradient to x.
-Tensor halved(Graph& graph, const Tensor& x);
-
 // Where texels lie on a mesh, as constants of a graph.
 struct TexelTensors {
     Tensor faces;    // [T,T] int32; -1: between the charts

@@ -134,19 +134,17 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
     }
     const Tensor albedo = look.texture;
     // Of texels that are smaller than half a pixel, a pixel's samples meet one here and another
-    // there, and pull vertices to and fro: what is drawn is the level of the texture's pyramid
-    // whose texels are as large as pixels.
-    int64_t drawnSize = texture;
-    for (; coloured && drawnSize % 2 == 0 && drawnSize >= 2 * size; drawnSize /= 2)
-        look.texture = halved(graph, look.texture);
+    // there, and pull vertices to and fro: what is drawn are means of them.
+    if (coloured && texture >= 2 * size)
+        for (int k = 0; k < 2; ++k) look.texture = binomialMean(graph, look.texture);
     const Tensor drawnTexels = look.texture;
     std::optional<CaptureLight> light;
     std::vector<float> fixedLight = start.light;
     if (movesGains) fixedLight.resize(kLightNumbers);  // even without: gains act where a light does
     if (movesLight)
-        light.emplace(graph, body, faces, drawnSize, graph.parameter(state.light, "light"));
+        light.emplace(graph, body, faces, texture, graph.parameter(state.light, "light"));
     else if (coloured)
-        light.emplace(graph, body, faces, drawnSize, fixedLight);
+        light.emplace(graph, body, faces, texture, fixedLight);
 
     constexpr uint32_t kFrameWord = offsetof(StepParams, frame) / 4;
     Tensor table = graph.attach(corrections.section(Parameters::kValues), {frames, kPoseRow});

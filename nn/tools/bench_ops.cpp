@@ -382,7 +382,6 @@ void addOps() {
     addCase({"concat", "4M", {a, b}, {}, false});
     addCase({"concat_relu", "4M", {a, b}});
     addCase({"binomial_mean", "512", {{"x", {512, 512, 3}}}});
-    addCase({"halve", "1024", {{"x", {1024, 1024, 3}}}});
     addCase({"interleave", "512", {{"x", {3, 512, 512}}}, {}, false});
     addCase({"pixel_shuffle", "512", {{"x", {1, 12, 256, 256}}}});
     addCase({"pixel_unshuffle", "512", {{"x", {1, 4, 512, 512}}}});

@@ -11,10 +11,6 @@ struct BinomialMeanParams {
     uint line, height;  // elements of a line of texels; lines
     uint channels;
 };
-struct HalveParams {
-    uint n;               // elements of the smaller texture
-    uint line, channels;  // elements of a line of its texels
-};
 struct PixelShuffleParams {
     uint n;              // elements
     uint height, width;  // of a coarse plane
