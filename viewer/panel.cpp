@@ -436,10 +436,7 @@ bool Viewer::drawPathField(const std::string& does) {
 }
 
 void Viewer::drawFilesTab() {
-    words(
-        "Drop an avatar, a capture, a clip, a motion, a pose's .json or a picture on the window, "
-        "or "
-        "name it:");
+    words("Drop an avatar, a capture, a clip, a motion, a pose or a picture here, or name it:");
     const bool entered = drawPathField("A file or folder; Enter opens it.");
     const bool named = pathText_[0] != 0;
     if ((button("open", "The avatar, motion, pose or picture of this name.", named) || entered) &&
