@@ -7,6 +7,7 @@
 #include <array>
 #include <cstdlib>
 #include <random>
+#include <stdexcept>
 
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
@@ -119,6 +120,7 @@ Image shownBy(const Folder& folder, std::array<int8_t, 4> abcd) {
     std::vector<uint8_t> bytes = readWholeFile(folder / "a.mp4");
     const std::string_view name = "tkhd";
     const auto header = std::search(bytes.begin(), bytes.end(), name.begin(), name.end());
+    if (header == bytes.end()) throw std::runtime_error("the film has no track header");
     const auto matrix = header + 4 + 40;  // 40 bytes behind the version; numbers of 16.16 bits
     std::fill(matrix, matrix + 32, uint8_t{0});
     constexpr int kPlaces[4] = {0, 4, 12, 16};

@@ -17,8 +17,8 @@ public:
     static std::filesystem::path folderOf(const std::filesystem::path& clip);
 
     // program: the `doppel` that does it, on the device of this name; empty: the best one. Goes on
-    // where the folder has what was begun of the same clip. MachineError where it cannot be
-    // started.
+    // where the folder has what was begun of the same clip; what it says is in log.txt there.
+    // InputError where that file is somebody else's, MachineError where it cannot be started.
     Making(const std::filesystem::path& program, std::filesystem::path clip,
            const std::string& device);
 
