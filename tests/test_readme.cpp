@@ -42,6 +42,7 @@ const std::vector<Line> kRun{
      .leaves = {"me/capture/overlay.jpg", "me/capture/overlay.mp4", "me/avatar/avatar.toml",
                 "me/avatar/texture.png"},
      .needs = Needs::Networks},
+    {.command = "build/doppel view", .needs = Needs::Screen},
     {.command = "build/doppel demo --clip 4 --out film",
      .leaves = {"film/clip.mp4", "film/truth/poses.npz", "film/truth/masks"},
      .shorter = "build/doppel demo --clip .05 --out film"},

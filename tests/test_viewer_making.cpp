@@ -1,6 +1,6 @@
 // A clip that is dropped on the window becomes an avatar: asked for, watched, stopped. A script
 // stands for `doppel avatar`, whose minutes no window needs; README's test runs the program itself.
-#include "engine/io/video.h"
+#include "tests/making_program.h"
 #include "tests/viewer_test.h"
 
 namespace doppel::test {
@@ -11,32 +11,10 @@ protected:
     void SetUp() override {
         ViewerTest::SetUp();
         clip_ = *folder_ / "my clip.mp4";
-        VideoWriter video(clip_, 64, 48, 30);
-        for (int i = 0; i < 3; ++i) video.add(Image(64, 48, 3, uint8_t(60 * i)));
-        video.finish();
+        writeClip(clip_);
         Avatar taller = plainAvatar();
         taller.betas = {2, 0, 0};
-        writeAvatar(*folder_ / "taller", taller);
-
-        // Goes on when told to, by files in the folder of its own.
-        std::ofstream script(program());
-        script << "#!/bin/sh\n"
-               << "cd '" << own_.path().string() << "'\n"
-               << R"(echo "$@" > words
-trap 'touch over' EXIT
-echo "a first line" >&2
-echo "find the person 3/6  0:10 left" >&2
-trap 'echo "doppel: interrupted" >&2; touch stopped; exit 130' INT
-while [ ! -e go ]; do sleep .02; done
-[ -e avatar ] && mkdir -p "$4" && cp -r avatar "$4/avatar"
-echo "texels 5/10  loss 0.1  0:05 left" >&2
-while [ ! -e end ]; do sleep .02; done
-cat said >&2
-exit $(cat end)
-)";
-        script.close();
-        fs::permissions(program(), fs::perms::owner_all);
-        fs::create_directory_symlink(*folder_ / "taller", own_ / "avatar");
+        program_.makes(taller);
     }
     void TearDown() override {
         end(1, "");  // whatever still runs
@@ -45,19 +23,13 @@ exit $(cat end)
         fs::remove_all(made());
         ViewerTest::TearDown();
     }
-    fs::path program() const { return own_ / "doppel"; }
     fs::path made() const { return *folder_ / "my clip-avatar"; }
-    bool isThere(const char* name) const { return fs::exists(own_ / name); }
-    void go() const { std::ofstream(own_ / "go"); }
-    void end(int status, const std::string& said) const {
-        go();
-        std::ofstream(own_ / "said") << said;
-        std::ofstream(own_ / "part") << status;
-        fs::rename(own_ / "part", own_ / "end");
-    }
+    bool isThere(const char* name) const { return program_.isThere(name); }
+    void go() const { program_.go(); }
+    void end(int status, const std::string& said) const { program_.end(status, said); }
     Viewer& opened() {
         ViewerOptions options;
-        options.program = program();
+        options.program = program_.path();
         options.width = 980, options.height = 740;
         return open(options);
     }
@@ -76,7 +48,7 @@ exit $(cat end)
         untilItSays("find the person 3/6  0:10 left");
     }
 
-    Folder own_;
+    MakingProgram program_;
     fs::path clip_;
 };
 
@@ -94,7 +66,7 @@ TEST_F(MakingTest, IsAskedForWatchedAndShown) {
 
     const Image before = window();
     make();
-    EXPECT_EQ(bytesOf(own_ / "words"),
+    EXPECT_EQ(program_.words(),
               fmt::format("avatar {} --out {}\n", clip_.string(), made().string()));
     settle();
     EXPECT_GT(difference(before, window()), .001);  // its line
@@ -130,7 +102,7 @@ TEST_F(MakingTest, IsShownAndNotMixed) {
 
 TEST_F(MakingTest, WhatWentWrongIsSaid) {
     Viewer& viewer = opened();
-    fs::remove(own_ / "avatar");  // it makes none
+    program_.makesNone();
     make();
     end(2, "doppel: my clip.mp4: expected a person\n");
     until("its end", [&] { return !viewer.making(); });
@@ -212,7 +184,7 @@ TEST_F(MakingTest, OfAFolderOfPicturesAsWell) {
 
 TEST_F(MakingTest, AProgramThatIsNotThereIsSaid) {
     Viewer& viewer = opened();
-    fs::remove(program());
+    fs::remove(program_.path());
     dropOnWindow({clip_});
     viewer.answer("Make it");
     turn();

@@ -178,40 +178,9 @@ void Viewer::drawStatus() {
 }
 
 void Viewer::drawQuestion() {
-    if (!question_ && !questionOpen_) return;
-    constexpr const char* kName = "Doppel asks";
-    if (!questionOpen_) {
-        ImGui::OpenPopup(kName);
-        questionSince_ = Clock::now();
-    }
-    questionOpen_ = true;
-    // Dear ImGui darkens what is behind it little by little.
-    if (millisecondsSince(questionSince_) < 300) framesToDraw_ = std::max(framesToDraw_, 2);
-    const ImVec2 size = ImGui::GetIO().DisplaySize;
-    const auto unit = static_cast<float>(window_.unit());
-    ImGui::SetNextWindowPos({size.x / 2, size.y / 2}, ImGuiCond_Always, {.5f, .5f});
-    std::string chosen;
-    if (ImGui::BeginPopupModal(kName, nullptr,
-                               ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoMove |
-                                   ImGuiWindowFlags_NoSavedSettings)) {
-        if (question_) {
-            ImGui::PushTextWrapPos(std::min(420 * unit, size.x - 40 * unit));
-            ImGui::TextUnformatted(question_->text.c_str());
-            ImGui::PopTextWrapPos();
-            ImGui::Spacing();
-            for (size_t i = 0; i < question_->answers.size(); ++i) {
-                if (i > 0) ImGui::SameLine();
-                if (button(question_->answers[i].label.c_str(), question_->answers[i].does))
-                    chosen = question_->answers[i].label;
-            }
-        } else {
-            // It was answered. Dear ImGui takes what is no longer drawn for open all the same.
-            ImGui::CloseCurrentPopup();
-            questionOpen_ = false;
-        }
-        ImGui::EndPopup();
-    }
-    if (!chosen.empty()) answer(chosen);
+    const std::optional<std::string> chosen = question_.draw(window_.unit());
+    if (question_.appears()) framesToDraw_ = std::max(framesToDraw_, 2);
+    if (chosen) answer(*chosen);
 }
 
 }  // namespace doppel

@@ -16,6 +16,7 @@
 #include "trainer/motion/upright.h"
 #include "viewer/pose/pose_text.h"
 #include "viewer/viewer.h"
+#include "viewer/widgets.h"
 
 namespace doppel {
 namespace fs = std::filesystem;
@@ -176,9 +177,8 @@ void Viewer::openPerson(const fs::path& folder) {
 
 void Viewer::openFile(const fs::path& path) {
     const bool mixes = settings_.panel && tab_ == kMixTab;
-    const fs::path folder = path.filename() == "avatar.toml" ? path.parent_path() : path;
-    if (LiveAvatar::isAvatar(folder) && mixes) return mixWith(folder);
-    if (LiveAvatar::isAvatar(folder)) return openPerson(folder);
+    if (const std::optional<fs::path> folder = LiveAvatar::at(path))
+        return mixes ? mixWith(*folder) : openPerson(*folder);
     const std::string extension = endingOf(path);
     if (isMotion(path))
         afterSaving(fmt::format("Opening {} puts away what you edited, which is not saved.",
@@ -274,13 +274,6 @@ bool Viewer::isFree(const fs::path& path) const {
     const bool promised = (film_ && film_->out() == path) || (mixSave_ && mixSave_->out == path) ||
                           (export_ && export_->out == path);
     return !promised && !isTaken(path);
-}
-
-fs::path Viewer::typedPath(std::span<const char> field) {
-    const std::string text = field.data();
-    const char* home = std::getenv("HOME");
-    if (!home || (text != "~" && !text.starts_with("~/"))) return text;
-    return text == "~" ? fs::path(home) : fs::path(home) / text.substr(2);
 }
 
 fs::path Viewer::freeName(const std::string& stem, const std::string& extension) const {
@@ -393,23 +386,12 @@ void Viewer::saveScreenshot(const fs::path& path) {
 void Viewer::ask(Question question) {
     play(false);
     endDrag();
-    question_ = std::move(question);
+    question_.ask(std::move(question));
     framesToDraw_ = 3;
 }
 
-std::vector<std::string> Viewer::answers() const {
-    std::vector<std::string> labels;
-    if (question_)
-        for (const Answer& answer : question_->answers) labels.push_back(answer.label);
-    return labels;
-}
-
 void Viewer::answer(const std::string& label) {
-    CHECK(question_, "there is a question to answer with \"{}\"", label);
-    auto found = std::ranges::find(question_->answers, label, &Answer::label);
-    CHECK(found != question_->answers.end(), "\"{}\" is one of the answers", label);
-    std::function<void()> then = std::move(found->then);
-    question_.reset();  // what is done may ask again
+    const std::function<void()> then = question_.take(label);  // which may ask again
     framesToDraw_ = 3;
     if (then) attempt(then);
 }

@@ -420,24 +420,34 @@ void Viewer::drawShapeTab() {
         editor.resetBetas();
 }
 
-// For the name of a file or folder; whether Enter was pressed in it.
-bool Viewer::drawPathField(const std::string& does) {
-    ImGui::PushItemWidth(-1);
-    bool entered = ImGui::InputText("##path", pathText_.data(), pathText_.size(),
-                                    ImGuiInputTextFlags_EnterReturnsTrue);
-    // Dear ImGui looks at what is held, and misses a key that is down for less than a frame.
-    entered |= ImGui::IsItemActive() && std::ranges::any_of(window_.keys(), [](const KeyPress& k) {
-                   return k.key == GLFW_KEY_ENTER || k.key == GLFW_KEY_KP_ENTER;
-               });
-    noteItem("path");
-    tip(does);
-    ImGui::PopItemWidth();
-    return entered;
+// All but the avatar that is open.
+void Viewer::drawOpenedBefore() {
+    std::error_code ignored;
+    const std::string now = std::filesystem::weakly_canonical(source_.folder(), ignored).string();
+    const auto isOther = [&](const std::string& path) { return path != now; };
+    if (std::ranges::none_of(preferences_.recent, isOther)) return;
+    const bool open = ImGui::CollapsingHeader("opened before");
+    noteItem("opened before");
+    tip("The files that were opened last.");
+    if (!open) return;
+    std::string chosen;
+    for (size_t i = 0; i < preferences_.recent.size(); ++i) {
+        const std::filesystem::path path = preferences_.recent[i];
+        if (!isOther(path.string())) continue;
+        ImGui::PushID(number(i));
+        std::string name = path.filename().string();
+        if (name.empty()) name = path.parent_path().filename().string();
+        if (ImGui::Selectable(name.c_str())) chosen = path.string();
+        noteRow(name);
+        tip(path.string());
+        ImGui::PopID();
+    }
+    if (!chosen.empty()) attempt([&] { openFile(chosen); });
 }
 
 void Viewer::drawFilesTab() {
     words("Drop an avatar, a capture, a clip, a motion, a pose or a picture here, or name it:");
-    const bool entered = drawPathField("A file or folder; Enter opens it.");
+    const bool entered = pathField("A file or folder; Enter opens it.", pathText_, window_.keys());
     const bool named = pathText_[0] != 0;
     if ((button("open", "The avatar, motion, pose or picture of this name.", named) || entered) &&
         named)
@@ -472,25 +482,7 @@ void Viewer::drawFilesTab() {
                             [this] { closeMotion(); });
             });
     }
-    const bool before = !preferences_.recent.empty() && ImGui::CollapsingHeader("opened before");
-    if (!preferences_.recent.empty()) {
-        noteItem("opened before");
-        tip("The files that were opened last.");
-    }
-    if (before) {
-        std::string chosen;
-        for (size_t i = 0; i < preferences_.recent.size(); ++i) {
-            ImGui::PushID(number(i));
-            const std::filesystem::path path = preferences_.recent[i];
-            std::string name = path.filename().string();
-            if (name.empty()) name = path.parent_path().filename().string();
-            if (ImGui::Selectable(name.c_str())) chosen = preferences_.recent[i];
-            noteRow(name);
-            tip(preferences_.recent[i]);
-            ImGui::PopID();
-        }
-        if (!chosen.empty()) attempt([&] { openFile(chosen); });
-    }
+    drawOpenedBefore();
 
     ImGui::Separator();
     words("Written into the folder that the viewer was started in, or as you name it here:");

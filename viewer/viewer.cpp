@@ -31,7 +31,7 @@ std::shared_ptr<Device> openDevice(DeviceOptions options, Window& window) {
 
 }  // namespace
 
-Viewer::Viewer(const ViewerOptions& options)
+Viewer::Viewer(const ViewerOptions& options, std::optional<Making> making)
     : options_(options),
       source_(options.avatar),
       avatar_(source_.load()),  // before a window opens for one that is not there
@@ -45,10 +45,13 @@ Viewer::Viewer(const ViewerOptions& options)
            {}}),
       device_(openDevice(options.device, window_)),
       movingSamples_(options.smoothWithin.value_or(device_->info().cpu ? 0 : 5)),
+      making_(std::move(making)),
+      madeShown_(making_.has_value()),
       library_(options.state.empty() ? fs::path() : options.state / "poses"),
       recovery_(options.state) {
     openKeys();
     useAvatar(avatar_);
+    opened(options.avatar);
     uiScale_ =
         std::clamp(options.scale.value_or(preferences_.scale), kSmallestScale, kLargestScale);
     settings_.theme = options.theme.value_or(preferences_.theme);

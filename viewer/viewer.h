@@ -42,6 +42,7 @@
 #include "viewer/pose/pose_library.h"
 #include "viewer/pose/shape_names.h"
 #include "viewer/preferences.h"
+#include "viewer/question.h"
 #include "viewer/recovery.h"
 #include "viewer/settings.h"
 #include "viewer/window/file_dialog.h"
@@ -56,8 +57,8 @@ public:
     static constexpr int kPanelWidth = 360, kTimelineHeight = 74;
 
     // InputError for what the options name and is not there or not right; MachineError where no
-    // window can be opened.
-    explicit Viewer(const ViewerOptions& options);
+    // window can be opened. making: that begun before, and has shown this avatar already.
+    explicit Viewer(const ViewerOptions& options, std::optional<Making> making = {});
     ~Viewer();
 
     // One turn: events in, picture out; waits for events where there is nothing to do. False once
@@ -102,8 +103,8 @@ public:
     // How many of the latest are still shown: five seconds, fifteen of what went wrong.
     size_t visibleMessages() const;
     // What the window asks, with the answers that it offers; empty: nothing.
-    std::string question() const { return question_ ? question_->text : std::string(); }
-    std::vector<std::string> answers() const;
+    std::string question() const { return question_.text(); }
+    std::vector<std::string> answers() const { return question_.answers(); }
     // As a click on the answer; CHECKs that it is offered.
     void answer(const std::string& label);
     // Pictures of something else than the one before.
@@ -212,16 +213,6 @@ private:
         bool wrong = false;
         Clock::time_point since{};
     };
-    // Asked in the middle of the window; nothing else is done until it is answered.
-    struct Answer {
-        std::string label;
-        std::function<void()> then;
-        std::string does;  // the tip's
-    };
-    struct Question {
-        std::string text;
-        std::vector<Answer> answers;  // Enter gives the first, Escape the last
-    };
 
     // viewer.cpp
     void useAvatar(std::shared_ptr<LoadedAvatar> avatar);
@@ -287,8 +278,6 @@ private:
     void offerRecovery();
     // Whether all of it is here again, and kept.
     bool recover(const std::string& text, const std::string& name);
-    // Of a field; a ~ before it is the user's home folder, as in a shell.
-    static std::filesystem::path typedPath(std::span<const char> field);
     bool isFree(const std::filesystem::path& path) const;
     std::filesystem::path freeName(const std::string& stem, const std::string& extension) const;
     // As the panel names what is written, with this ending (".png", or "-frames" of a folder), and
@@ -485,7 +474,7 @@ private:
     void drawPoseTab();
     void drawKeptPoses();
     void drawShapeTab();
-    bool drawPathField(const std::string& does);
+    void drawOpenedBefore();
     void drawFilesTab();
 
     // mix/mixing.cpp
@@ -666,10 +655,8 @@ private:
     FileDialog dialog_;
     std::function<void(const std::filesystem::path&)> dialogThen_;
     std::map<uint64_t, SavedFile> savedFiles_;  // by PoseEditor::opening(): undo may come back
-    std::optional<Question> question_;
-    bool questionOpen_ = false;
-    Clock::time_point questionSince_{};  // it is open
-    uint64_t givenUpVersion_ = 0;        // of what is edited, that may be lost with the window
+    QuestionBox question_;
+    uint64_t givenUpVersion_ = 0;  // of what is edited, that may be lost with the window
     Recovery recovery_;
     uint64_t keptVersion_ = 0;  // of what is edited, as the session's file has it
     Clock::time_point keptAt_{};

@@ -1,7 +1,10 @@
 #include "viewer/widgets.h"
 
+#include <GLFW/glfw3.h>
+
 #include <algorithm>
 #include <chrono>
+#include <cstdlib>
 #include <utility>
 
 namespace doppel {
@@ -142,6 +145,28 @@ bool tab(const char* label, const std::string& does, bool show) {
     noteItem(label);
     tip(does);
     return open;
+}
+
+bool pathField(const std::string& does, std::span<char> text, std::span<const KeyPress> keys) {
+    ImGui::PushItemWidth(-1);
+    bool entered =
+        ImGui::InputText("##path", text.data(), text.size(), ImGuiInputTextFlags_EnterReturnsTrue);
+    // Dear ImGui looks at what is held, and misses a key that is down for less than a frame.
+    entered |= ImGui::IsItemActive() && std::ranges::any_of(keys, [](const KeyPress& k) {
+                   return k.key == GLFW_KEY_ENTER || k.key == GLFW_KEY_KP_ENTER;
+               });
+    noteItem("path");
+    tip(does);
+    ImGui::PopItemWidth();
+    return entered;
+}
+
+std::filesystem::path typedPath(std::span<const char> text) {
+    const std::string typed = text.data();
+    const char* home = std::getenv("HOME");
+    if (!home || (typed != "~" && !typed.starts_with("~/"))) return typed;
+    return typed == "~" ? std::filesystem::path(home)
+                        : std::filesystem::path(home) / typed.substr(2);
 }
 
 bool choose(const char* label, const std::string& does, const Choice* choices, size_t count,

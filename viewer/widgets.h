@@ -3,11 +3,14 @@
 
 #include <imgui.h>
 
+#include <filesystem>
+#include <span>
 #include <string>
 #include <string_view>
 
 #include "viewer/drawn_items.h"
 #include "viewer/window/look.h"
+#include "viewer/window/window.h"
 
 namespace doppel {
 
@@ -36,6 +39,11 @@ void words(const std::string& text);  // wrapped
 void hint(const std::string& text);   // wrapped, dimmed
 // With EndTabItem where it is true. show: it comes to the front.
 bool tab(const char* label, const std::string& does, bool show = false);
+// For the name of a file or folder, as wide as there is room; whether Enter was pressed in it.
+// keys: of the frame.
+bool pathField(const std::string& does, std::span<char> text, std::span<const KeyPress> keys);
+// What was typed; a ~ before it is the user's home folder, as in a shell.
+std::filesystem::path typedPath(std::span<const char> text);
 
 struct Choice {
     const char* name;

@@ -3,6 +3,7 @@
 #include <cstdio>
 
 #include "trainer/commands/command.h"
+#include "viewer/start/start_window.h"
 #include "viewer/viewer.h"
 
 namespace doppel {
@@ -18,7 +19,9 @@ struct ViewOptions {
 
 void declareFlags(CommandFlags& flags, ViewOptions& o) {
     flags.precision();
-    flags.path("AVATAR", o.viewer.avatar, "Avatar's folder")->required();
+    flags.path(
+        "AVATAR", o.viewer.avatar,
+        "Avatar's folder, or a clip or pictures to make one of; without: choose in a window");
     flags.path(
         "--motion", o.viewer.motion,
         "A capture, a poses.npz, BVH, FBX, glTF, USD, JSON, AMASS or an estimator's poses to play");
@@ -57,10 +60,14 @@ const Command<ViewOptions> kView{{
     .place = 90,
     .summary = "Open a window: drag the joints, turn the camera, play motions",
     .description =
-        "Opens a window with the avatar. Drag a joint and the limb follows, turn the camera "
-        "with the\nleft or middle button, press H for all keys. While a training runs in the "
-        "avatar's folder its\npresent state is shown. What Doppel reads may be dropped on the "
-        "window; a clip becomes an\navatar.",
+        "Opens a window with the avatar; without one, a window in which one is chosen, or made of "
+        "a\n"
+        "clip that is dropped there. Drag a joint and the limb follows, turn the camera with the "
+        "left\n"
+        "or middle button, press H for all keys. While a training runs in the avatar's folder its\n"
+        "present state is shown. What Doppel reads may be dropped on the window; a clip becomes "
+        "an\n"
+        "avatar.",
     .example = "doppel view avatar --motion capture",
     .flags = declareFlags,
     .run =
@@ -73,7 +80,17 @@ const Command<ViewOptions> kView{{
                 viewer.theme = options.theme == "light" ? Theme::Light : Theme::Dark;
             if (!viewer.camera.empty()) readCameraText(viewer.camera);  // before a window opens
             if (!viewer.keys.empty()) Bindings::named(viewer.keys);
-            Viewer(viewer).run();
+            std::optional<Making> making;  // goes on behind the window
+            if (const auto folder = LiveAvatar::at(viewer.avatar)) {
+                viewer.avatar = *folder;
+            } else if (viewer.avatar.empty() || Making::takes(viewer.avatar)) {
+                StartWindow start(viewer);
+                while (start.frame()) continue;
+                if (!start.chosen()) return;
+                viewer.avatar = *start.chosen();
+                if (auto begun = start.takeMaking()) making.emplace(std::move(*begun));
+            }
+            Viewer(viewer, std::move(making)).run();
         },
 }};
 

@@ -31,12 +31,7 @@ void Viewer::handleKeys() {
     for (const KeyPress& press : window_.keys()) {
         framesToDraw_ = 3;
         if (question_) {
-            // Whoever still holds a key has not read the question.
-            if (press.repeated) continue;
-            if (press.key == GLFW_KEY_ENTER || press.key == GLFW_KEY_KP_ENTER)
-                answer(question_->answers.front().label);
-            else if (press.key == GLFW_KEY_ESCAPE)
-                answer(question_->answers.back().label);
+            if (const auto label = question_.answerOf(press)) answer(*label);
             continue;
         }
         if (press.key == GLFW_KEY_ESCAPE && closeList()) continue;

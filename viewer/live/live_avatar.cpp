@@ -64,6 +64,15 @@ LiveAvatar::Stamp LiveAvatar::newest(const fs::path& folder) {
 
 bool LiveAvatar::isAvatar(const fs::path& folder) { return !newest(folder).first.empty(); }
 
+std::optional<fs::path> LiveAvatar::at(const fs::path& path) {
+    const fs::path folder = path.filename() == "avatar.toml" ? path.parent_path() : path;
+    if (isAvatar(folder)) return folder;
+    std::error_code ignored;
+    const bool capture = fs::exists(folder / "poses.npz", ignored);  // that an avatar lies in
+    if (!capture && isAvatar(folder / "avatar")) return folder / "avatar";
+    return {};
+}
+
 std::shared_ptr<LoadedAvatar> LiveAvatar::load() {
     Stamp stamp = newest(folder_);
     std::shared_ptr<LoadedAvatar> loaded =

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <future>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "trainer/avatar/avatar.h"
@@ -23,6 +24,9 @@ public:
     explicit LiveAvatar(std::filesystem::path folder);
     // Whether the folder is an avatar's, or that of a run that has left its state.
     static bool isAvatar(const std::filesystem::path& folder);
+    // The avatar's folder that a path stands for: it, its avatar.toml, or the folder of a person
+    // or a demo that has it as `avatar`.
+    static std::optional<std::filesystem::path> at(const std::filesystem::path& path);
 
     // InputError where there is no avatar.
     std::shared_ptr<LoadedAvatar> load();

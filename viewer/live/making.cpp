@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "engine/error.h"
 #include "engine/io/video.h"
 #include "trainer/data/frame_selection.h"
 #include "trainer/data/output_folder.h"
@@ -32,8 +33,9 @@ fs::path Making::folderOf(const fs::path& clip) {
 
 Making::Making(const fs::path& program, fs::path clip, const std::string& device)
     : clip_(std::move(clip)), line_("starts") {
-    std::vector<std::string> words{program.string(), "avatar", fs::absolute(clip_).string(),
-                                   "--out", folderOf(clip_).string()};
+    const fs::path own = program.empty() ? fs::read_symlink("/proc/self/exe") : program;
+    std::vector<std::string> words{own.string(), "avatar", fs::absolute(clip_).string(), "--out",
+                                   folderOf(clip_).string()};
     if (!device.empty()) words.insert(words.end(), {"--device", device});
     constexpr const char* kLog = "log.txt";
     claimFiles(folderOf(clip_), "person", {kLog});
@@ -69,6 +71,34 @@ std::string Making::brief() const {
 void Making::stop() {
     stops_ = true;
     process_.send(SIGINT);
+}
+
+std::string Making::ending() const {
+    if (*status_ == 0) return fmt::format("avatar in {}", avatar().string());
+    if (!stops_) throwInput("{}", line_);
+    return fmt::format("{}: stopped; dropped again it goes on from there",
+                       clip_.filename().string());
+}
+
+Question questionToMake(const fs::path& clip, std::function<void()> make) {
+    const fs::path folder = Making::folderOf(clip);
+    std::error_code ignored;
+    return {fmt::format("An avatar of the person in {} goes into {}, which takes minutes. The "
+                        "window shows it as soon as there is something to see.{}",
+                        clip.filename().string(), folder.string(),
+                        fs::exists(folder, ignored) ? " What was begun there goes on." : ""),
+            {{"Make it", std::move(make), "Runs `doppel avatar` beside the window."},
+             {"Cancel", {}, "Leaves all as it is."}}};
+}
+
+Question questionToLeave(const Making& making, std::function<void()> stopAndClose,
+                         std::function<void()> close) {
+    return {fmt::format("An avatar of {} is being made: {}.", making.clip().filename().string(),
+                        making.brief()),
+            {{"Stop it, and close", std::move(stopAndClose),
+              "What is done stays: the clip, dropped again, goes on from there."},
+             {"Let it go on, and close", std::move(close), "It is finished without the window."},
+             {"Cancel", {}, "The window stays open."}}};
 }
 
 }  // namespace doppel

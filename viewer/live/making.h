@@ -2,9 +2,11 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 
+#include "viewer/question.h"
 #include "viewer/window/process.h"
 
 namespace doppel {
@@ -16,9 +18,10 @@ public:
     // Where an avatar of it goes: beside it, clip-avatar of clip.mp4.
     static std::filesystem::path folderOf(const std::filesystem::path& clip);
 
-    // program: the `doppel` that does it, on the device of this name; empty: the best one. Goes on
-    // where the folder has what was begun of the same clip; what it says is in log.txt there.
-    // InputError where that file is somebody else's, MachineError where it cannot be started.
+    // program: the `doppel` that does it; empty: this one. On the device of this name; empty: the
+    // best one. Goes on where the folder has what was begun of the same clip; what it says is in
+    // log.txt there. InputError where that file is somebody else's, MachineError where it cannot be
+    // started.
     Making(const std::filesystem::path& program, std::filesystem::path clip,
            const std::string& device);
 
@@ -32,6 +35,8 @@ public:
     std::string brief() const;
     // Its exit status, once it has ended.
     const std::optional<int>& status() const { return status_; }
+    // Once it has: how. InputError with its own words where it went wrong by itself.
+    std::string ending() const;
     // As Ctrl-C does: it keeps what it has done.
     void stop();
     bool stops() const { return stops_; }
@@ -43,5 +48,11 @@ private:
     std::optional<int> status_;
     bool stops_ = false;
 };
+
+// Before one is begun, and before a window closes that watches one. What is to be done then is the
+// window's to do.
+Question questionToMake(const std::filesystem::path& clip, std::function<void()> make);
+Question questionToLeave(const Making& making, std::function<void()> stopAndClose,
+                         std::function<void()> close);
 
 }  // namespace doppel

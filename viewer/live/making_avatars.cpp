@@ -11,21 +11,10 @@ void Viewer::askToMake(const fs::path& clip) {
     if (making_)
         throwInput("{}: an avatar of {} is being made already; one at a time", clip.string(),
                    making_->clip().filename().string());
-    const fs::path folder = Making::folderOf(clip);
-    std::error_code ignored;
-    ask({fmt::format("An avatar of the person in {} goes into {}, which takes minutes. The window "
-                     "shows it as soon as there is something to see.{}",
-                     clip.filename().string(), folder.string(),
-                     fs::exists(folder, ignored) ? " What was begun there goes on." : ""),
-         {{"Make it",
-           [this, clip] {
-               const fs::path program =
-                   options_.program.empty() ? fs::read_symlink("/proc/self/exe") : options_.program;
-               making_.emplace(program, clip, options_.device.name);
-               madeShown_ = false;
-           },
-           "Runs `doppel avatar` beside the window."},
-          {"Cancel", {}, "Leaves all as it is."}}});
+    ask(questionToMake(clip, [this, clip] {
+        making_.emplace(options_.program, clip, options_.device.name);
+        madeShown_ = false;
+    }));
 }
 
 void Viewer::stopMaking() {
@@ -49,32 +38,21 @@ void Viewer::advanceMaking() {
 void Viewer::endMaking() {
     const Making made = std::move(*making_);
     making_.reset();
-    if (*made.status() == 0)
-        say(fmt::format("avatar in {}", made.avatar().string()));
-    else if (made.stops())
-        say(fmt::format("{}: stopped; dropped again it goes on from there",
-                        made.clip().filename().string()));
-    else
-        throwInput("{}", made.line());
+    say(made.ending());
 }
 
 void Viewer::askToLeaveMaking() {
-    ask({fmt::format("An avatar of {} is being made: {}.", making_->clip().filename().string(),
-                     making_->brief()),
-         {{"Stop it, and close",
-           [this] {
-               stopMaking();
-               making_.reset();
-               window_.close();
-           },
-           "What is done stays: the clip, dropped again, goes on from there."},
-          {"Let it go on, and close",
-           [this] {
-               making_.reset();
-               window_.close();
-           },
-           "It is finished without the window."},
-          {"Cancel", {}, "The window stays open."}}});
+    ask(questionToLeave(
+        *making_,
+        [this] {
+            stopMaking();
+            making_.reset();
+            window_.close();
+        },
+        [this] {
+            making_.reset();
+            window_.close();
+        }));
 }
 
 }  // namespace doppel

@@ -87,7 +87,8 @@ void Viewer::saveMix(const fs::path& out) {
 
 void Viewer::drawMixTab() {
     hint("This avatar with the clothes, hair or head of others that have the same body model.");
-    const bool entered = drawPathField("Another avatar's folder; Enter takes from it."),
+    const bool entered = pathField("Another avatar's folder; Enter takes from it.", pathText_,
+                                   window_.keys()),
                named = pathText_[0] != 0;
     if ((button("take from", "The avatar in the folder of this name.", named) || entered) && named)
         attempt([&] { mixWith(typedPath(pathText_)); });
