@@ -121,6 +121,11 @@ TEST_F(MakingTest, IsStoppedInThePanel) {
     until("its end", [&] { return !viewer.making(); });
     EXPECT_TRUE(isThere("stopped"));
     EXPECT_EQ(viewer.message(), "my clip.mp4: stopped; dropped again it goes on from there");
+
+    // Begun again it says what is new, and the log keeps what was said.
+    make();
+    const std::string log = bytesOf(made() / "log.txt");
+    EXPECT_LT(log.find("interrupted"), log.rfind("a first line"));
 }
 
 TEST_F(MakingTest, AWindowThatIsClosedAsks) {
@@ -190,6 +195,7 @@ TEST_F(MakingTest, AProgramThatIsNotThereIsSaid) {
     turn();
     EXPECT_FALSE(viewer.making());
     EXPECT_NE(viewer.message().find("cannot be started"), std::string::npos) << viewer.message();
+    EXPECT_FALSE(fs::exists(made()));
 }
 
 }  // namespace

@@ -537,7 +537,7 @@ void Viewer::offerRecovery() {
                    offerRecovery();
                },
                "It is lost."},
-              {"Not now", {}}}});
+              {"Not now", {}, "It is asked again the next time."}}});
         return;
     }
 }

@@ -37,6 +37,10 @@ Making::Making(const fs::path& program, fs::path clip, const std::string& device
     std::vector<std::string> words{own.string(), "avatar", fs::absolute(clip_).string(), "--out",
                                    folderOf(clip_).string()};
     if (!device.empty()) words.insert(words.end(), {"--device", device});
+    std::error_code ignored;
+    if (!fs::is_regular_file(own, ignored))  // nor is a folder made for it
+        throwMachine("{} cannot be started: it is not there any more; start the window anew",
+                     own.string());
     constexpr const char* kLog = "log.txt";
     claimFiles(folderOf(clip_), "person", {kLog});
     process_.start(std::move(words), folderOf(clip_) / kLog);

@@ -39,9 +39,10 @@ void Process::start(std::vector<std::string> words, const std::filesystem::path&
         if (pipe2(ends, O_CLOEXEC) != 0) refuse(errno);
         fcntl(ends[0], F_SETFL, O_NONBLOCK);
     } else {
-        ends[1] = open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_APPEND | O_CLOEXEC, 0666);
+        ends[1] = open(log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
         ends[0] = open(log.c_str(), O_RDONLY | O_CLOEXEC);
         if (ends[0] < 0 || ends[1] < 0) throwMachine("{}: {}", log.string(), std::strerror(errno));
+        lseek(ends[0], 0, SEEK_END);  // others have written what is there
     }
     words_ = ends[0];
     posix_spawn_file_actions_t files;

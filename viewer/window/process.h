@@ -19,8 +19,8 @@ public:
 
     // Starts words[0], looked for in $PATH, in the place of another that is let go; in a process
     // group of its own, so that Ctrl-C in our terminal does not stop it. What it says is what it
-    // writes to its standard output; or, with a log, to that and to its errors, which the file then
-    // has: only so it may run on without us. MachineError where it cannot be started.
+    // writes to its standard output; or, with a log, to that and to its errors, which the file gets
+    // at its end: only so it may run on without us. MachineError where it cannot be started.
     void start(std::vector<std::string> words, const std::filesystem::path& log = {});
     bool running() const { return process_ > 0; }
     // What it has said since the last time; never waits.
