@@ -221,6 +221,8 @@ TEST(Session, SaysAllThatWasEdited) {
     session.take.betas = {.5f, -1};
     session.take.pose = bent(1. / 3);
     session.take.keys = {{2, bent(.1)}, {7, bent(1e-9)}};
+    session.edited = false;
+    session.worn = {{"hair", "/home/me/she"}, {"top", "/home/me/he"}};
     const Session read = readSessionText(sessionText(session), "here");
     EXPECT_EQ(read.avatar, session.avatar);
     EXPECT_EQ(read.motion, session.motion);
@@ -231,6 +233,8 @@ TEST(Session, SaysAllThatWasEdited) {
     EXPECT_EQ(read.take.betas, session.take.betas);
     EXPECT_EQ(read.take.pose, session.take.pose);
     EXPECT_EQ(read.take.keys, session.take.keys);
+    EXPECT_EQ(read.edited, session.edited);
+    EXPECT_EQ(read.worn, session.worn);
 
     for (const auto& [text, sentence] : std::vector<std::pair<std::string, std::string>>{
              {"", "here: expected a session as JSON, found an error at byte 1"},
@@ -251,9 +255,18 @@ TEST(Session, SaysAllThatWasEdited) {
               "here: fade: expected a number from 0 to 1000, found -3.0");
     EXPECT_EQ(spoilt("\"overrides\":true", "\"overrides\":1"),
               "here: overrides: expected true or false, found 1");
+    EXPECT_EQ(spoilt("\"edited\":false", "\"edited\":1"),
+              "here: edited: expected true or false, found 1");
+    EXPECT_EQ(spoilt("\"top\":\"/home/me/he\"", "\"top\":7"),
+              "here: worn: top: expected at most 4096 bytes of text, found 7");
     std::string former = good;  // as sessions were before
-    former.replace(former.find("\"overrides\":true"), 16, "\"and_others\":1");
-    EXPECT_EQ(readSessionText(former, "here").take.layer, (Layer{3, Layer::Blend::Add}));
+    for (const std::string& later : {std::string("\"overrides\":true"),
+                                     std::string("\"edited\":false"), std::string("\"worn\":{")})
+        former.replace(former.find(later) + 1, 1, "_");
+    const Session before = readSessionText(former, "here");
+    EXPECT_EQ(before.take.layer, (Layer{3, Layer::Blend::Add}));
+    EXPECT_TRUE(before.edited);
+    EXPECT_TRUE(before.worn.empty());
     EXPECT_EQ(spoilt("\"avatar\":\"", "\"avatar\":7,\"a\":\""),
               "here: avatar: expected at most 4096 bytes of text, found 7");
     const std::string deep = std::string(1'000'000, '[') + std::string(1'000'000, ']');

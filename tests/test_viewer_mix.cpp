@@ -73,6 +73,58 @@ TEST_F(MixTest, WhatAnotherWearsIsTakenShownAndSaved) {
               std::string::npos);
 }
 
+// What is mixed and not saved outlives its window, as edits do.
+TEST_F(MixTest, WhatIsMixedComesBack) {
+    writeAvatar(*folder_ / "plain", plainAvatar());
+    ViewerOptions options;
+    options.avatar = *folder_ / "plain";
+    options.state = *folder_ / "state";
+    const auto sessions = [&] {
+        size_t count = 0;
+        for (const auto& entry : fs::directory_iterator(options.state / "sessions"))
+            count += entry.path().extension() == ".json";
+        return count;
+    };
+    open(options);
+    viewer_->mixWith(blue());
+    viewer_->takePart(partNamed("top"), 1);
+    settle();
+    const std::vector<float> mixed = viewer_->avatar().texture;
+    viewer_.reset();  // without a question asked, as where an error ends it
+
+    open(options);
+    EXPECT_NE(viewer_->question().find("saved: what it wears of others."), std::string::npos)
+        << viewer_->question();
+    viewer_->answer("Bring it back");
+    settle();
+    EXPECT_EQ(viewer_->avatar().texture, mixed);
+    EXPECT_FALSE(viewer_->editor().modified()) << "no pose was edited";
+    viewer_->saveMix(*folder_ / "dressed");
+    work();
+    turn();
+    EXPECT_EQ(sessions(), 0u) << "what is saved needs no keeping";
+
+    // Whoever gave it may be gone; then it waits.
+    viewer_->takePart(partNamed("bottom"), 1);
+    settle();
+    viewer_.reset();
+    fs::rename(*folder_ / "blue", *folder_ / "away");
+    open(options);
+    viewer_->answer("Bring it back");
+    settle();
+    EXPECT_NE(viewer_->message().find("not what was taken of others"), std::string::npos)
+        << viewer_->message();
+    EXPECT_EQ(viewer_->avatar().texture, readAvatar(*folder_ / "plain").texture);
+    EXPECT_EQ(sessions(), 1u);
+    viewer_.reset();
+    fs::rename(*folder_ / "away", *folder_ / "blue");
+    open(options);
+    EXPECT_NE(viewer_->question(), "");
+    viewer_->answer("Throw it away");
+    settle();
+    EXPECT_EQ(sessions(), 0u);
+}
+
 TEST_F(MixTest, ThePanelChoosesWhoGivesWhat) {
     Viewer& viewer = openPlain();
     viewer.settings().panel = true;

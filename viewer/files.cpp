@@ -27,12 +27,6 @@ constexpr double kGestureSeconds = 2;   // between two writings of the session w
 constexpr double kRestPerWriting = 20;  // times as long as a writing takes nothing is written
 constexpr double kRetrySeconds = 5;     // after a writing that failed
 
-std::string absolutePath(const fs::path& path) {
-    std::error_code error;
-    fs::path found = fs::weakly_canonical(path, error);
-    return (error ? fs::absolute(path, error) : found).string();
-}
-
 fs::file_time_type timeOf(const fs::path& path) {
     std::error_code error;
     fs::file_time_type time = fs::last_write_time(path, error);
@@ -451,19 +445,22 @@ std::string Viewer::sessionNow() const {
         std::strftime(when, sizeof when, "%Y-%m-%d %H:%M", &local);
     session.when = when;
     session.time = std::max(editor_->time(), 0.0);
+    session.edited = editor_->modified();
     session.take = editor_->take();
+    session.worn = wornNow();
     return sessionText(session);
 }
 
 // Writes down what is not saved, once it has changed; a long list of keys less often.
 bool Viewer::keepSession(bool now) {
     if (!recovery_.enabled()) return false;
-    if (!editor_->modified()) {
+    if (!editor_->modified() && mixSaved_) {
         recovery_.clear();
         keptVersion_ = 0;
         return true;
     }
-    if (keptVersion_ == editor_->version()) return true;
+    std::map<std::string, std::string> worn = wornNow();
+    if (keptVersion_ == editor_->version() && keptWorn_ == worn) return true;
     double since = std::chrono::duration<double>(Clock::now() - keptAt_).count();
     if (!now && (since < kRestPerWriting * keptSeconds_ ||
                  (editor_->inGesture() && since < kGestureSeconds) ||
@@ -473,6 +470,7 @@ bool Viewer::keepSession(bool now) {
     try {
         recovery_.write(sessionNow());
         keptVersion_ = editor_->version();
+        keptWorn_ = std::move(worn);
         keepingFailed_ = false;
     } catch (const std::exception& error) {
         if (!keepingFailed_)
@@ -488,24 +486,32 @@ bool Viewer::keepSession(bool now) {
 
 bool Viewer::recover(const std::string& text, const std::string& name) {
     Session session = readSessionText(text, name);
-    std::string missing;
-    if (!session.motion.empty()) {
+    std::vector<std::string> missing;
+    const auto without = [&](const char* what, const std::function<void()>& attempted) {
         try {
-            session.take.motion = readForPlaying(session.motion, session.frames).motion;
+            attempted();
         } catch (const std::exception& error) {
-            missing = error.what();
+            missing.push_back(fmt::format("{}: {}", what, error.what()));
         }
-    }
+    };
+    if (!session.motion.empty())
+        without("not the motion under them", [&] {
+            session.take.motion = readForPlaying(session.motion, session.frames).motion;
+        });
     editor_->openTake(session.take, session.time, "bring back");
+    if (!session.edited) editor_->markSaved();
     timeline_ = session.time;
+    without("not what was taken of others", [&] { wear(session.worn); });
     // Without a time: somebody may have written it since.
     if (!session.saved.empty()) savedFiles_[editor_->opening()] = {session.saved};
     layOut();
     frameAll();
-    if (missing.empty())
+    if (!missing.empty())
+        say(fmt::format("the poses are back, but {}", fmt::join(missing, "; ")), true);
+    else if (session.edited)
         say(fmt::format("as it was at {}; {} saves it", session.when, keys_.keyOf(Action::Save)));
     else
-        say(fmt::format("the poses are back, but not the motion under them: {}", missing), true);
+        say(fmt::format("as it was at {}; \"{}\" saves it", session.when, kMixTab));
     return keepSession(true) && missing.empty();
 }
 
@@ -521,11 +527,14 @@ void Viewer::offerRecovery() {
         if (session.avatar != avatar) continue;
         auto orphan = std::make_shared<Recovery::Orphan>(std::move(found));
         const size_t keys = session.take.keys.size();
+        std::vector<std::string> lost;
+        if (session.edited)
+            lost.push_back(keys == 0   ? "a pose"
+                           : keys == 1 ? "one key"
+                                       : fmt::format("{} keys", keys));
+        if (!session.worn.empty()) lost.push_back("what it wears of others");
         ask({fmt::format("At {} a window with this avatar ended before its work was saved: {}.",
-                         session.when,
-                         keys == 0   ? std::string("a pose")
-                         : keys == 1 ? std::string("one key")
-                                     : fmt::format("{} keys", keys)),
+                         session.when, fmt::join(lost, ", and ")),
              {{"Bring it back",
                [this, orphan] {
                    if (recover(orphan->text, orphan->file.string())) Recovery::remove(*orphan);

@@ -53,6 +53,12 @@ fs::path userStateFolder() {
     return {};
 }
 
+std::string absolutePath(const fs::path& path) {
+    std::error_code error;
+    const fs::path found = fs::weakly_canonical(path, error);
+    return (error ? fs::absolute(path, error) : found).string();
+}
+
 FileLock& FileLock::operator=(FileLock&& other) noexcept {
     if (this != &other) {
         release();

@@ -17,6 +17,9 @@ namespace doppel {
 // $XDG_STATE_HOME/doppel, else $HOME/.local/state/doppel; empty where neither is set.
 std::filesystem::path userStateFolder();
 
+// A file by a name that another process, started elsewhere, knows it by.
+std::string absolutePath(const std::filesystem::path& path);
+
 // A lock that ends with the object or the process.
 class FileLock {
 public:

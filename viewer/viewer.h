@@ -479,6 +479,9 @@ private:
 
     // mix/mixing.cpp
     static constexpr const char* kMixTab = "Mix";
+    std::map<std::string, std::string> wornNow() const;
+    // As a session has it. InputError where somebody, or a part, is not there.
+    void wear(const std::map<std::string, std::string>& worn);
     void beginMix();
     void advanceMix();
     void dress(std::shared_ptr<LoadedAvatar> avatar);
@@ -659,6 +662,7 @@ private:
     uint64_t givenUpVersion_ = 0;  // of what is edited, that may be lost with the window
     Recovery recovery_;
     uint64_t keptVersion_ = 0;  // of what is edited, as the session's file has it
+    std::map<std::string, std::string> keptWorn_;  // likewise
     Clock::time_point keptAt_{};
     double keptSeconds_ = 0;  // that writing it took
     bool keepingFailed_ = false;

@@ -22,6 +22,35 @@ void Viewer::takePart(size_t part, int giver) {
     beginMix();
 }
 
+// That is not saved, by the names of parts.
+std::map<std::string, std::string> Viewer::wornNow() const {
+    std::map<std::string, std::string> worn;
+    for (size_t part = 0; !mixSaved_ && part < kMixParts.size(); ++part)
+        if (const int giver = mixer_.chosen[part]; giver > 0)
+            worn[kMixParts[part].name] =
+                absolutePath(mixer_.givers()[static_cast<size_t>(giver - 1)].folder);
+    return worn;
+}
+
+void Viewer::wear(const std::map<std::string, std::string>& worn) {
+    if (worn.empty()) return;
+    Mixer::Choice chosen{};
+    for (const auto& [name, folder] : worn) {
+        const auto part = std::ranges::find(kMixParts, name, &MixPart::name);
+        if (part == kMixParts.end()) throwInput("there is no part \"{}\" to be taken", name);
+        const auto isIt = [&](const Mixer::Giver& giver) {
+            return absolutePath(giver.folder) == folder;
+        };
+        if (std::ranges::none_of(mixer_.givers(), isIt)) mixer_.add(folder);
+        chosen[static_cast<size_t>(part - kMixParts.begin())] =
+            static_cast<int>(std::ranges::find_if(mixer_.givers(), isIt) -
+                             mixer_.givers().begin()) +
+            1;
+    }
+    mixer_.chosen = chosen;
+    beginMix();
+}
+
 void Viewer::beginMix() {
     if (!mixer_.mixes()) {
         mixSaved_ = true;

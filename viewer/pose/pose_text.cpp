@@ -153,6 +153,8 @@ std::string sessionText(const Session& session) {
                            {"saved", session.saved},
                            {"when", session.when},
                            {"time", session.time},
+                           {"edited", session.edited},
+                           {"worn", session.worn},
                            {"fade", session.take.layer.fade},
                            {"overrides", session.take.layer.blend == Layer::Blend::Override},
                            {"betas", session.take.betas},
@@ -172,12 +174,20 @@ Session readSessionText(std::string_view text, const std::string& name) {
         if (!document.contains(field)) throwInput("{}: {}: it is missing", name, field);
         return document[field];
     };
-    const auto words = [&](const char* field) {
-        const json& value = member(field);
+    const auto wordsIn = [&](const json& value, const std::string& field) {
         if (!value.is_string() || value.get_ref<const std::string&>().size() > 4096)
             throwInput("{}: {}: expected at most 4096 bytes of text, found {}", name, field,
                        asShown(value));
         return value.get<std::string>();
+    };
+    const auto words = [&](const char* field) { return wordsIn(member(field), field); };
+    // Earlier versions did not write all of these.
+    const auto truth = [&](const char* field, bool missing) {
+        if (!document.contains(field)) return missing;
+        if (!document[field].is_boolean())
+            throwInput("{}: {}: expected true or false, found {}", name, field,
+                       asShown(document[field]));
+        return document[field].get<bool>();
     };
     Session session;
     session.avatar = words("avatar");
@@ -186,14 +196,19 @@ Session readSessionText(std::string_view text, const std::string& name) {
     session.saved = words("saved");
     session.when = words("when");
     session.time = number(member("time"), name + ": time", 0, kLargestTime);
+    session.edited = truth("edited", true);
+    if (document.contains("worn")) {
+        const json& worn = document["worn"];
+        constexpr size_t kMostWorn = 100;
+        if (!worn.is_object() || worn.size() > kMostWorn)
+            throwInput("{}: worn: expected avatars by the names of parts, found {}", name,
+                       worn.is_object() ? std::to_string(worn.size()) : asShown(worn));
+        for (const auto& [part, avatar] : worn.items())
+            session.worn[part] = wordsIn(avatar, "worn: " + part);
+    }
     Take& take = session.take;
     take.layer.fade = number(member("fade"), name + ": fade", 0, kLongestFade);
-    if (document.contains("overrides")) {  // which earlier versions did not write
-        if (!document["overrides"].is_boolean())
-            throwInput("{}: overrides: expected true or false, found {}", name,
-                       asShown(document["overrides"]));
-        if (document["overrides"]) take.layer.blend = Layer::Blend::Override;
-    }
+    if (truth("overrides", false)) take.layer.blend = Layer::Blend::Override;
     take.betas = betasOf(member("betas"), name + ": betas");
     take.pose = poseIn(member("pose"), name + ": pose");
     const json& keys = member("keys");

@@ -1,6 +1,7 @@
 // Poses and sessions as JSON: for the clipboard, for --pose, and for what a killed viewer leaves.
 #pragma once
 
+#include <map>
 #include <string>
 #include <string_view>
 
@@ -25,7 +26,10 @@ struct Session {
     std::string saved;                   // the file that it was written to last; empty: none
     std::string when;                    // for people
     double time = 0;                     // of the timeline
+    bool edited = true;                  // the take is not saved
     Take take;
+    std::map<std::string, std::string> worn;  // what is mixed and not saved: whose avatar gives a
+                                              // part, by the part's name; absolute paths
 };
 std::string sessionText(const Session& session);
 
