@@ -153,7 +153,8 @@ double renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>
         }
         before = std::move(image);
     };
-    Progress progress(what, static_cast<int64_t>(shots.size()));
+    std::optional<Progress> progress;
+    if (!what.empty()) progress.emplace(what, static_cast<int64_t>(shots.size()));
     auto submit = [&](size_t i) {
         if (i < shots.size())
             renderer.submit(shots[i].theta, shots[i].trans, shots[i].camera, layers.samples);
@@ -168,7 +169,7 @@ double renderShots(Device& device, const Avatar& avatar, const std::vector<Shot>
         std::vector<float> verts;
         if (poser) verts = poser->pose(shots[i].theta, shots[i].trans, avatar.betas).verts;
         keeping = std::async(std::launch::async, keep, i, std::move(drawing), std::move(verts));
-        progress.update(static_cast<int64_t>(i) + 1);
+        if (progress) progress->update(static_cast<int64_t>(i) + 1);
     }
     keeping.get();
     if (interrupted()) throw Interrupted{};

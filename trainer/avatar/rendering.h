@@ -45,7 +45,8 @@ Motion inCameraSpace(Motion motion);
 std::vector<Shot> throughOwnCameras(const Motion& motion);
 
 // Draws shots into a film or into a folder of PNGs (films/picture_sequence.h), which appear when
-// all is done. Calls interrupted() between pictures.
+// all is done, with a line of progress that is called `what`; empty: without one. Calls
+// interrupted() between pictures.
 //
 // Returns how much consecutive pictures differ: the mean |difference| in 8-bit units over all
 // channels of all pixels and pairs of one size; 0 for a pose held still, since nothing in an avatar

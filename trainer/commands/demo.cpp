@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <fstream>
+#include <future>
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <numeric>
@@ -61,6 +62,28 @@ void writeContactSheet(Device& device, const Avatar& avatar, const Capture& asGi
                         differenceImage(frame, render, w, h, 4)});
     }
     writeImage(path, contactSheet(rows));
+}
+
+// The avatar turning and greeting, and as glTF.
+void writeFilms(Device& device, const Avatar& person, const std::filesystem::path& out) {
+    Shot rest = restShot(device, person, kFilmSize);
+    std::vector<Shot> turn, dance;
+    for (int i = 0; i < kFilmFrames; ++i) turn.push_back(turned(rest, i / double(kFilmFrames)));
+    Motion greetings;
+    greetings.name = "greeting";
+    greetings.fps = kFramesPerSecond;
+    Trans stage = rest.trans;
+    stage[1] *= 0.8f;  // further away, with room for raised hands
+    stage[2] *= 1.25f;
+    for (const MotionFrame& frame : greeting(kFilmFrames, stage[2])) {
+        dance.push_back({frame.theta, stage, rest.camera});
+        greetings.theta.push_back(frame.theta);
+        greetings.trans.push_back(stage);
+    }
+    auto grey = [&](size_t) { return plainBackground("#9aa4ad", rest.camera); };
+    renderShots(device, person, turn, {grey}, out / "turntable.mp4", kFramesPerSecond, "");
+    renderShots(device, person, dance, {grey}, out / "reenact.mp4", kFramesPerSecond, "");
+    exportAvatar(device, person, out / "avatar.glb", &greetings);
 }
 
 // Who comes with the program, or is in a file.
@@ -166,6 +189,12 @@ void runDemo(const DemoOptions& options) {
     const Avatar& person = trained.avatar;
     double trainSeconds = seconds() - captureSeconds;
 
+    // Films meanwhile, by another device: neither they nor fits keep all of a CPU busy.
+    std::future<void> films = std::async(std::launch::async, [&] {
+        Device another(options.common.deviceOptions());
+        writeFilms(another, person, out);
+    });
+
     // Held-out frames: as their tracker saw them, fitted with the shape that training found, and
     // with the refined mesh.
     Capture test = capture.subset(heldOut), testFitted = test;
@@ -182,26 +211,12 @@ void runDemo(const DemoOptions& options) {
     FrameMetrics result = meanMetrics(metrics),
                  unfittedResult = meanMetrics(evaluateAvatar(device, person, unfitted));
 
-    // Films, model, sheet.
-    Shot rest = restShot(device, person, kFilmSize);
-    std::vector<Shot> turn, dance;
-    for (int i = 0; i < kFilmFrames; ++i) turn.push_back(turned(rest, i / double(kFilmFrames)));
-    Motion greetings;
-    greetings.name = "greeting";
-    greetings.fps = kFramesPerSecond;
-    Trans stage = rest.trans;
-    stage[1] *= 0.8f;  // further away, with room for raised hands
-    stage[2] *= 1.25f;
-    for (const MotionFrame& frame : greeting(kFilmFrames, stage[2])) {
-        dance.push_back({frame.theta, stage, rest.camera});
-        greetings.theta.push_back(frame.theta);
-        greetings.trans.push_back(stage);
-    }
-    auto grey = [&](size_t) { return plainBackground("#9aa4ad", rest.camera); };
-    renderShots(device, person, turn, {grey}, out / "turntable.mp4", kFramesPerSecond, "turntable");
-    renderShots(device, person, dance, {grey}, out / "reenact.mp4", kFramesPerSecond, "reenact");
-    exportAvatar(device, person, out / "avatar.glb", &greetings);
     writeContactSheet(device, person, test, testFitted, out / "contact.png");
+    {
+        Progress waiting("films", 1, kQuiet);
+        films.get();
+        waiting.update(1);
+    }
 
     std::vector<std::pair<std::string, std::optional<double>>> more{
         {"pictures_iou", byPictures.iou}, {"pictures_psnr_body", byPictures.psnrBody}};
