@@ -100,21 +100,31 @@ TEST_F(LookTest, TipsComeWhereTheMouseRests) {
                          {"surface", "What the surface is painted with"},
                          {"Inspect", "What is known of a point"},
                          {"remove key", "Takes the key of this frame away"}};  // not to be pressed
-    for (const auto& [label, words] : begins) {
-        const glm::dvec2 place = itemAt(label);
+    const auto expectTip = [&](const char* label, const char* words, glm::dvec2 place) {
         screen_->move(place.x, place.y);
         turn(2);
         EXPECT_FALSE(shows(words)) << label << ": at once";
-        await(words, [&, w = words] {
+        await(words, [&] {
             viewer_->frame();
-            return shows(w) && !tipPending();
+            return shows(words) && !tipPending();
         });
         expectNothingCut(label);
         keep(fmt::format("tip-{}", label), 900, 700);
         screen_->move(20, 20);
         settle();
         EXPECT_FALSE(shows(words)) << label << ": the mouse is elsewhere";
-    }
+    };
+    for (const auto& [label, words] : begins) expectTip(label, words, itemAt(label));
+    // Of what a list offers, and of what is no item.
+    clickItem("surface");
+    expectTip("part labels", "The body's parts", itemAt("part labels"));
+    screen_->key("Escape");
+    settle();
+    viewer_->settings().split = Split::Textures;
+    viewer_->settings().divided = true;
+    settle();
+    const double middle = (900 - viewer_->panelWidth()) / 2.;
+    expectTip("the divider", "Drag it", {middle, 200});
 }
 
 TEST_F(LookTest, LegendsSayWhatColoursMean) {

@@ -63,8 +63,9 @@ void Viewer::drawTimeline() {
         if (ImGui::IsItemDeactivated()) editor_->endGesture();
         ImGui::SameLine();
         static constexpr Choice kBlends[] = {
-            {"adds", static_cast<int>(Layer::Blend::Add)},
-            {"overrides", static_cast<int>(Layer::Blend::Override)}};
+            {"adds", static_cast<int>(Layer::Blend::Add), "Joints go on moving below the edit."},
+            {"overrides", static_cast<int>(Layer::Blend::Override),
+             "Joints are held as they were set."}};
         int blend = static_cast<int>(editor_->layer().blend);
         if (choose(
                 "##blend",

@@ -6,6 +6,7 @@
 
 #include "viewer/overlays.h"
 #include "viewer/viewer.h"
+#include "viewer/widgets.h"
 
 namespace doppel {
 
@@ -47,6 +48,9 @@ void Viewer::drawOverlays() {
         list.AddCircleFilled(grip, (hot ? 9.f : 7.f) * unit, IM_COL32(18, 19, 22, 220));
         list.AddCircle(grip, (hot ? 9.f : 7.f) * unit, IM_COL32(255, 255, 255, 230), 0,
                        1.5f * unit);
+        const auto pick = static_cast<float>(kDividerPick) * unit;
+        tipOver("Drag it: what is compared is to its left and to its right.", {grip.x - pick, 0},
+                {grip.x + pick, 2 * grip.y});
     }
     if (!panes_.empty()) drawPersonNames(panes_[0]);
     if (settings_.floor)

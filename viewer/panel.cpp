@@ -73,8 +73,9 @@ void Viewer::drawViewTab() {
     int mesh = number(settings_.mesh);
     if (scene_->hasRefinedMesh()) {
         constexpr Choice kMeshes[] = {
-            {"body", static_cast<int>(MeshKind::Body)},
-            {"refined by the network", static_cast<int>(MeshKind::Refined)}};
+            {"body", static_cast<int>(MeshKind::Body), "As skinning leaves it."},
+            {"refined by the network", static_cast<int>(MeshKind::Refined),
+             "With what the mesh network adds for this pose."}};
         choose("mesh", "The body as skinning leaves it, or as the mesh network refines it.",
                kMeshes, mesh);
         settings_.mesh = static_cast<MeshKind>(mesh);
@@ -83,35 +84,47 @@ void Viewer::drawViewTab() {
     }
     auto paint = number(settings_.paint);
     constexpr Choice kPaints[] = {
-        {"texture", kPaintTexture},    {"none (clay)", kPaintClay},
-        {"normals", kPaintNormals},    {"visibility map", kPaintVisibility},
-        {"UV checker", kPaintChecker}, {"part labels", kPaintParts},
-        {"clamp bounds", kPaintClamps}};
+        {"texture", kPaintTexture, "The person's colours."},
+        {"none (clay)", kPaintClay, "Its form alone."},
+        {"normals", kPaintNormals, "Which way the surface faces, as colours."},
+        {"visibility map", kPaintVisibility, "What the texture networks see of this view."},
+        {"UV checker", kPaintChecker, "How large texels are, and where the atlas has seams."},
+        {"part labels", kPaintParts, "The body's parts, which clothes and bounds go by."},
+        {"clamp bounds", kPaintClamps, "K(v): how far the mesh network may move it."}};
     choose("surface", "What the surface is painted with.", kPaints, paint);
     settings_.paint = static_cast<uint32_t>(paint);
     auto texture = number(settings_.texture);
     constexpr int kCoarse = static_cast<int>(TextureKind::Coarse),
                   kRefined = static_cast<int>(TextureKind::Refined),
                   kBaked = static_cast<int>(TextureKind::Baked);
+    constexpr std::string_view kCoarseDoes = "As the first network paints it.",
+                               kRefinedDoes = "As the second network paints this very view.";
     if (avatar.refineNet.empty()) {
         hint(avatar_->textured ? "texture: coarse (stage refine is not trained)"
                                : "texture: none yet");
     } else if (avatar.bakedTexture.empty()) {
-        constexpr Choice kTextures[] = {{"coarse", kCoarse}, {"refined for the view", kRefined}};
+        constexpr Choice kTextures[] = {{"coarse", kCoarse, kCoarseDoes},
+                                        {"refined for the view", kRefined, kRefinedDoes}};
         choose("texture", "Which of the avatar's textures is shown.", kTextures, texture);
     } else {
         constexpr Choice kTextures[] = {
-            {"coarse", kCoarse}, {"refined for the view", kRefined}, {"refined, baked", kBaked}};
+            {"coarse", kCoarse, kCoarseDoes},
+            {"refined for the view", kRefined, kRefinedDoes},
+            {"refined, baked", kBaked, "One of many views, as exports take it."}};
         choose("texture", "Which of the avatar's textures is shown.", kTextures, texture);
     }
     settings_.texture = static_cast<TextureKind>(texture);
     auto split = number(settings_.split);
-    constexpr Choice kSplits[] = {{"off", static_cast<int>(Split::None)},
-                                  {"body | refined mesh", static_cast<int>(Split::Meshes)},
-                                  {"coarse | refined", static_cast<int>(Split::Textures)},
-                                  {"source | avatar", static_cast<int>(Split::Source)},
-                                  {"this avatar | others", static_cast<int>(Split::Avatars)},
-                                  {"all in one scene", static_cast<int>(Split::Together)}};
+    constexpr Choice kSplits[] = {
+        {"off", static_cast<int>(Split::None), "The avatar alone."},
+        {"body | refined mesh", static_cast<int>(Split::Meshes),
+         "What the mesh network adds to the body."},
+        {"coarse | refined", static_cast<int>(Split::Textures),
+         "What the second texture network adds to the first."},
+        {"source | avatar", static_cast<int>(Split::Source),
+         "The motion on the body that it comes from, and on this one."},
+        {"this avatar | others", static_cast<int>(Split::Avatars), "Each in a picture of its own."},
+        {"all in one scene", static_cast<int>(Split::Together), "They stand side by side."}};
     choose("compare",
            keys_.tip("Two meshes, two textures, what the motion comes from, or avatars",
                      Action::Compare),
@@ -161,7 +174,9 @@ void Viewer::drawViewTab() {
     ImGui::Separator();
     auto light = number(settings_.light);
     constexpr Choice kLights[] = {
-        {"the capture's", kLightCapture}, {"flat", kLightFlat}, {"a lamp", kLightLamp}};
+        {"the capture's", kLightCapture, "That training has learned from the frames."},
+        {"flat", kLightFlat, "The texture as it is."},
+        {"a lamp", kLightLamp, "One of yours."}};
     choose(
         "light",
         keys_.tip("As before the camera that recorded the person, none, or a lamp", Action::Light),
@@ -181,11 +196,14 @@ void Viewer::drawViewTab() {
     ImGui::Separator();
     auto backdrop = number(settings_.backdrop);
     constexpr Choice kBackdrops[] = {
-        {"colour", static_cast<int>(Backdrop::Colour)},
-        {"picture (drop one)", static_cast<int>(Backdrop::Picture)},
-        {"capture's frames", static_cast<int>(Backdrop::Capture)},
-        {"frames in front", static_cast<int>(Backdrop::Overlay)},
-        {"difference from frames", static_cast<int>(Backdrop::Difference)}};
+        {"colour", static_cast<int>(Backdrop::Colour), "One of yours."},
+        {"picture (drop one)", static_cast<int>(Backdrop::Picture), "The last that was dropped."},
+        {"capture's frames", static_cast<int>(Backdrop::Capture),
+         "What the camera saw, behind the avatar."},
+        {"frames in front", static_cast<int>(Backdrop::Overlay),
+         "What the camera saw, over the avatar, to see through."},
+        {"difference from frames", static_cast<int>(Backdrop::Difference),
+         "How far the avatar is from what the camera saw."}};
     if (choose("background",
                "What is behind the avatar; the capture's frames also in front of it, or how far it "
                "is from them.",
@@ -315,9 +333,11 @@ void Viewer::drawPoseTab() {
         findFloor();
         if (!floor_) hint("no floor: the feet of this motion stand nowhere");
     }
-    constexpr Choice kAxes[] = {{"the joint's own", static_cast<int>(RingAxes::Own)},
-                                {"its parent's", static_cast<int>(RingAxes::Parents)},
-                                {"the view's", static_cast<int>(RingAxes::Views)}};
+    constexpr Choice kAxes[] = {
+        {"the joint's own", static_cast<int>(RingAxes::Own), "They turn with it."},
+        {"its parent's", static_cast<int>(RingAxes::Parents),
+         "They turn with the bone before; of the pelvis, the capture's space."},
+        {"the view's", static_cast<int>(RingAxes::Views), "Right, down and into the picture."}};
     auto axes = number(settings_.ringAxes);
     choose("rings about", "The axes that the rings turn about.", kAxes, axes);
     settings_.ringAxes = static_cast<RingAxes>(axes);

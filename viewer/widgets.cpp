@@ -34,6 +34,22 @@ float widthOf(std::string_view text) {
     return ImGui::CalcTextSize(text.data(), text.data() + text.size(), true).x;
 }
 
+// place: of what it is about.
+void showTip(std::string_view text, ImVec2 place) {
+    const auto now = std::chrono::steady_clock::now();
+    Hover& hover = hovered();
+    if (!hover.before || hover.place.x != place.x || hover.place.y != place.y) hover = {place, now};
+    hover.now = true;
+    if (now - hover.since < kTipAfter) return;
+    ++hover.shown;
+    ImGui::BeginTooltip();
+    ImGui::PushTextWrapPos(20 * ImGui::GetFontSize());
+    ImGui::TextUnformatted(text.data(), text.data() + text.size());
+    ImGui::PopTextWrapPos();
+    if (!tipPending()) noteItem(text);
+    ImGui::EndTooltip();
+}
+
 }  // namespace
 
 const std::vector<DrawnItem>& drawnItems() { return list(); }
@@ -71,23 +87,16 @@ void noteRow(std::string_view label) {
     list().back().cut = widthOf(label) > free + .5f;
 }
 
-void tip(const std::string& text) {
-    if (text.empty() || !ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenDisabled) ||
-        ImGui::IsMouseDown(0))
-        return;
-    const ImVec2 place = ImGui::GetItemRectMin();
-    const auto now = std::chrono::steady_clock::now();
-    Hover& hover = hovered();
-    if (!hover.before || hover.place.x != place.x || hover.place.y != place.y) hover = {place, now};
-    hover.now = true;
-    if (now - hover.since < kTipAfter) return;
-    ++hover.shown;
-    ImGui::BeginTooltip();
-    ImGui::PushTextWrapPos(20 * ImGui::GetFontSize());
-    ImGui::TextUnformatted(text.c_str());
-    ImGui::PopTextWrapPos();
-    if (!tipPending()) noteItem(text);
-    ImGui::EndTooltip();
+void tip(std::string_view text) {
+    if (!text.empty() && ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenDisabled) &&
+        !ImGui::IsMouseDown(0))
+        showTip(text, ImGui::GetItemRectMin());
+}
+
+void tipOver(std::string_view text, ImVec2 low, ImVec2 high) {
+    if (!ImGui::GetIO().WantCaptureMouse && !ImGui::IsMouseDown(0) &&
+        ImGui::IsMouseHoveringRect(low, high, false))
+        showTip(text, low);
 }
 
 // Dear ImGui measures a window in its first frame, and shows it in the next: until then a tip is
@@ -185,6 +194,7 @@ bool choose(const char* label, const std::string& does, const Choice* choices, s
             value = choices[i].value;
         }
         noteRow(choices[i].name);
+        tip(choices[i].does);
     }
     ImGui::EndCombo();
     return changed;

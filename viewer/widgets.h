@@ -27,7 +27,9 @@ void noteItem(std::string_view label, std::string_view words = {}, float besides
 void noteRow(std::string_view label);
 
 // Says what the item before does, once the mouse has rested on it for a moment; empty: nothing.
-void tip(const std::string& text);
+void tip(std::string_view text);
+// The same of a part of the window that is no item: where the mouse is over it.
+void tipOver(std::string_view text, ImVec2 low, ImVec2 high);
 
 bool button(const char* label, const std::string& does, bool enabled = true);
 bool checkbox(const char* label, const std::string& does, bool& value);
@@ -48,6 +50,7 @@ std::filesystem::path typedPath(std::span<const char> text);
 struct Choice {
     const char* name;
     int value;
+    std::string_view does = {};  // the tip's; empty: its name says it
 };
 // True where another one was chosen.
 bool choose(const char* label, const std::string& does, const Choice* choices, size_t count,

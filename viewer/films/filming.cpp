@@ -34,7 +34,9 @@ bool keepsAlpha(int kind) { return isPictures(kind) || videoKinds()[size_t(kind)
 
 constexpr Choice kSizes[] = {{"as in the window", 0}, {"480", 480},   {"720", 720},
                              {"1080", 1080},          {"1920", 1920}, {"3840", 3840}};
-constexpr Choice kSamples[] = {{"1", 1}, {"4", 2}, {"16", 4}};  // per axis
+constexpr Choice kSamples[] = {{"1", 1, "Edges have steps."},
+                               {"4", 2},
+                               {"16", 4, "The smoothest, and the slowest."}};  // per axis
 
 constexpr float kPreviewSide = 170;  // window units
 
@@ -225,12 +227,17 @@ void Viewer::drawFilmPreview(const PlacedPicture& at) const {
     list.AddRectFilled({low.x, high.y},
                        {low.x + filmProgress() * (high.x - low.x), high.y + 5 * unit},
                        IM_COL32(120, 190, 255, 255));
+    tipOver("The film's latest picture, and how much of it is drawn.", low,
+            {high.x, high.y + 5 * unit});
 }
 
 void Viewer::drawFilmControls(bool enabled) {
     std::vector<Choice> kinds;
-    for (const std::string& name : filmKinds())
-        kinds.push_back({name.c_str(), static_cast<int>(kinds.size())});
+    for (const std::string& name : filmKinds()) {
+        const int kind = static_cast<int>(kinds.size());
+        kinds.push_back(
+            {name.c_str(), kind, keepsAlpha(kind) ? "It may have nothing behind the avatar." : ""});
+    }
     choose("film as", "The kind of file.", kinds.data(), kinds.size(), filmKind_);
     const bool alpha = keepsAlpha(filmKind_);
     choose("film size", "Pixels of the longer side.", kSizes, filmSettings_.size);

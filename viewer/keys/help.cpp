@@ -113,7 +113,9 @@ void Viewer::drawKeysControls() {
     enum { kGltf, kBlender, kFile };
     int chosen = keys_.name() == "gltf" ? kGltf : keys_.name() == "blender" ? kBlender : kFile;
     constexpr Choice kKeys[] = {
-        {"glTF viewers", kGltf}, {"Blender", kBlender}, {"of a file", kFile}};
+        {"glTF viewers", kGltf, "The left button orbits."},
+        {"Blender", kBlender, "The middle button orbits, G and R move and turn."},
+        {"of a file", kFile, "As the file says that was opened."}};
     const size_t count = isThere || chosen == kFile ? 3 : 2;
     ImGui::PushItemWidth(12 * ImGui::GetFontSize());
     const bool other = choose("keys", "Whose habits keys and mouse have.", kKeys, count, chosen);

@@ -133,9 +133,9 @@ void Viewer::drawMixTab() {
     std::vector<fs::path> folders;
     for (const Mixer::Giver& giver : mixer_.givers()) folders.push_back(giver.folder);
     const std::vector<std::string> names = namesOf(folders);
-    std::vector<Choice> givers{{"its own", 0}};
-    for (const std::string& name : names)
-        givers.push_back({name.c_str(), static_cast<int>(givers.size())});
+    std::vector<Choice> givers{{"its own", 0, "As the avatar was opened."}};
+    for (size_t i = 0; i < names.size(); ++i)
+        givers.push_back({names[i].c_str(), static_cast<int>(i) + 1, folders[i].native()});
     for (size_t p = 0; p < kMixParts.size(); ++p) {
         int giver = mixer_.chosen[p];
         if (choose(kMixParts[p].name, std::string(kMixParts[p].text) + ".", givers.data(),
