@@ -192,6 +192,35 @@ TEST_F(StartTest, AClipBecomesOne) {
     EXPECT_EQ(viewer.message(), "avatar in " + options.avatar.string());
 }
 
+// Whoever looks at another avatar meanwhile has it to look at until the new one is there.
+TEST_F(StartTest, AnotherIsOpenedWhileItIsMade) {
+    Avatar taller = plainAvatar();
+    taller.betas = {2, 0, 0};
+    program_.makes(taller);
+    StartWindow& window = start();
+    drop(clip_);
+    window.answer("Make it");
+    until("its line", [&] { return window.making() && window.making()->line() != "starts"; });
+    drop(*folder_ / "avatar");
+    EXPECT_EQ(window.chosen(), *folder_ / "avatar");
+    ViewerOptions options = options_;
+    options.avatar = *window.chosen();
+    std::optional<Making> making = window.takeMaking();
+    start_.reset();
+    Viewer viewer(options, std::move(making));
+    EXPECT_NE(viewer.avatar().betas[0], 2);
+    program_.go();
+    await("the avatar", [&] {
+        viewer.frame();
+        return viewer.avatar().betas[0] == 2;
+    });
+    program_.end(0, "");
+    await("its end", [&] {
+        viewer.frame();
+        return !viewer.making();
+    });
+}
+
 // As `doppel view CLIP` does.
 TEST_F(StartTest, AClipThatIsNamedIsAskedAbout) {
     options_.avatar = clip_;

@@ -46,7 +46,7 @@ Viewer::Viewer(const ViewerOptions& options, std::optional<Making> making)
       device_(openDevice(options.device, window_)),
       movingSamples_(options.smoothWithin.value_or(device_->info().cpu ? 0 : 5)),
       making_(std::move(making)),
-      madeShown_(making_.has_value()),
+      madeShown_(making_ && absolutePath(making_->avatar()) == absolutePath(options.avatar)),
       library_(options.state.empty() ? fs::path() : options.state / "poses"),
       recovery_(options.state) {
     openKeys();

@@ -57,7 +57,8 @@ public:
     static constexpr int kPanelWidth = 360, kTimelineHeight = 74;
 
     // InputError for what the options name and is not there or not right; MachineError where no
-    // window can be opened. making: that begun before, and has shown this avatar already.
+    // window can be opened. making: one that was begun before; its avatar is opened as soon as there
+    // is something to see, as one of this window's.
     explicit Viewer(const ViewerOptions& options, std::optional<Making> making = {});
     ~Viewer();
 
