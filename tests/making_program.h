@@ -20,6 +20,7 @@ public:
         script << "#!/bin/sh\n"
                << "cd '" << own_.path().string() << "'\n"
                << R"(echo "$@" > words
+echo "$DOPPEL_PROGRESS" > seconds
 trap 'touch over' EXIT
 echo "a first line" >&2
 echo "find the person 3/6  0:10 left" >&2
@@ -41,6 +42,8 @@ exit $(cat end)
     // words: what it was called with; stopped: it was interrupted; over: it has ended.
     bool isThere(const char* name) const { return std::filesystem::exists(own_ / name); }
     std::string words() const { return bytesOf(own_ / "words"); }
+    // Between its lines, as it was told.
+    std::string seconds() const { return bytesOf(own_ / "seconds"); }
     void go() const { std::ofstream(own_ / "go"); }
     void end(int status, const std::string& said) const {
         go();

@@ -9,6 +9,7 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <sstream>
+#include <thread>
 #include <tuple>
 
 #include "engine/error.h"
@@ -622,6 +623,31 @@ TEST(Progress, SaysWhatIsLeft) {
     EXPECT_EQ(progress.line(400, {}, 3725), "mesh 400/400  1:02:05 in all");
     EXPECT_EQ(clockText(59.6), "1:00");
     EXPECT_EQ(clockText(0), "0:00");
+}
+
+TEST(Progress, IsWrittenAsOftenAsAsked) {
+    const auto said = [](const char* seconds) {
+        setenv("DOPPEL_PROGRESS", seconds, 1);
+        testing::internal::CaptureStderr();
+        {
+            Progress progress("mesh", 400);
+            std::this_thread::sleep_for(std::chrono::milliseconds(150));
+            progress.update(100);
+            progress.update(101);
+        }
+        unsetenv("DOPPEL_PROGRESS");
+        return testing::internal::GetCapturedStderr();
+    };
+    const std::string often = said(".1"), seldom = said("");
+    EXPECT_EQ(std::ranges::count(often, '\n'), 2) << often;  // and the last
+    EXPECT_EQ(std::ranges::count(seldom, '\n'), 1) << seldom;
+    for (const char* wrong : {"often", "0", "-1", "5s", "nan"}) {
+        setenv("DOPPEL_PROGRESS", wrong, 1);
+        EXPECT_NE(messageOf<InputError>([] { Progress("mesh", 1); }).find("expected seconds"),
+                  std::string::npos)
+            << wrong;
+        unsetenv("DOPPEL_PROGRESS");
+    }
 }
 
 TEST(LossLog, CurvesGoOnWhereARunResumes) {

@@ -68,6 +68,8 @@ TEST_F(MakingTest, IsAskedForWatchedAndShown) {
     make();
     EXPECT_EQ(program_.words(),
               fmt::format("avatar {} --out {}\n", clip_.string(), made().string()));
+    EXPECT_EQ(program_.seconds(), "2\n") << "its line is looked at";
+    EXPECT_EQ(viewer.making()->share(), .5);
     settle();
     EXPECT_GT(difference(before, window()), .001);  // its line
     EXPECT_NE(viewer.avatar().betas[0], 2);

@@ -168,6 +168,7 @@ TEST_F(StartTest, AClipBecomesOne) {
     });
     pass();
     EXPECT_TRUE(isDrawn("find the person 3/6, 0:10 left"));
+    EXPECT_TRUE(isDrawn("progress"));
     EXPECT_FALSE(isDrawn("choose a clip"));
     drop(clip_);
     EXPECT_NE(window.message().find("is being made already"), std::string::npos);

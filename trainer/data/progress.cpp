@@ -6,9 +6,12 @@
 
 #include <algorithm>
 #include <atomic>
+#include <charconv>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 
+#include "engine/error.h"
 #include "engine/files/atomic_file.h"
 
 namespace doppel {
@@ -62,11 +65,29 @@ std::string clockText(double seconds) {
 
 // ---- progress -----------------------------------------------------------------------------------
 
+namespace {
+
+// Between two lines where nobody sees one being rewritten.
+double secondsBetweenLines() {
+    const char* set = std::getenv("DOPPEL_PROGRESS");
+    const std::string_view wish = set ? set : "";
+    if (wish.empty()) return 10;
+    double seconds = 0;
+    const auto [end, error] = std::from_chars(wish.data(), wish.data() + wish.size(), seconds);
+    if (error != std::errc() || end != wish.data() + wish.size() || !(seconds >= .1) ||
+        !(seconds <= 3600))
+        throwInput("DOPPEL_PROGRESS: expected seconds, .1 to 3600, or nothing, found {}", wish);
+    return seconds;
+}
+
+}  // namespace
+
 Progress::Progress(std::string what, int64_t total, double quiet)
     : what_(std::move(what)),
       total_(total),
       quiet_(quiet),
       terminal_(isatty(STDERR_FILENO) == 1),
+      wait_(terminal_ ? .1 : secondsBetweenLines()),
       start_(Clock::now()),
       lastPrint_(start_) {}
 
@@ -103,8 +124,7 @@ void Progress::update(int64_t done, const Values& values) {
     if (secondsBetween(start_, now) < quiet_) return;
     last_ = line(done, values, secondsBetween(start_, now));
     printed_ = false;
-    const double wait = terminal_ ? .1 : 10;
-    if (done < total_ && secondsBetween(lastPrint_, now) < wait) return;
+    if (done < total_ && secondsBetween(lastPrint_, now) < wait_) return;
     lastPrint_ = now;
     print(last_, false);
 }

@@ -32,8 +32,8 @@ int interruptStatus();
 // Seconds of Progress::quiet, for what is short but of long recordings.
 inline constexpr double kQuiet = 3;
 
-// One line that is rewritten on a terminal; a line every ten seconds, and the last, where stderr is
-// a file or a pipe.
+// One line that is rewritten on a terminal; a line every ten seconds, or as many as DOPPEL_PROGRESS
+// says, and the last, where stderr is a file or a pipe.
 //
 //     Progress progress("mesh", steps);
 //     progress.update(step, {{"loss", loss}, {"iou", iou}});   // "mesh 120/400 loss .213 1:20
@@ -42,7 +42,8 @@ class Progress {
 public:
     using Values = std::vector<std::pair<std::string, double>>;
 
-    // Of what takes fewer seconds than `quiet` nothing is said.
+    // Of what takes fewer seconds than `quiet` nothing is said. InputError where DOPPEL_PROGRESS is
+    // no number of seconds.
     Progress(std::string what, int64_t total, double quiet = 0);
     ~Progress();  // leaves the last line on the terminal
     Progress(const Progress&) = delete;
@@ -62,6 +63,7 @@ private:
     int64_t total_, done_ = 0, first_ = -1;  // first: where a resumed run began
     double quiet_;
     bool terminal_;
+    double wait_;  // seconds between two lines
     std::chrono::steady_clock::time_point start_, lastPrint_;
     std::string last_;
     bool printed_ = false;

@@ -4,6 +4,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cstdio>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -43,7 +45,8 @@ Making::Making(const fs::path& program, fs::path clip, const std::string& device
                      own.string());
     constexpr const char* kLog = "log.txt";
     claimFiles(folderOf(clip_), "person", {kLog});
-    process_.start(std::move(words), folderOf(clip_) / kLog);
+    // Who looks at its line wants to see it move.
+    process_.start(std::move(words), folderOf(clip_) / kLog, {"DOPPEL_PROGRESS=2"});
 }
 
 bool Making::update() {
@@ -70,6 +73,18 @@ std::string Making::brief() const {
     const size_t first = line_.find(kBetween), last = line_.rfind(kBetween);
     if (first == std::string::npos) return line_;
     return line_.substr(0, first) + ", " + line_.substr(last + kBetween.size());
+}
+
+std::optional<double> Making::share() const {
+    const std::string line = line_.substr(0, line_.find("  "));
+    const size_t space = line.rfind(' ');
+    long long done = 0, total = 0;
+    int used = 0;
+    if (space == std::string::npos ||
+        std::sscanf(line.c_str() + space, " %lld/%lld%n", &done, &total, &used) != 2 ||
+        space + static_cast<size_t>(used) != line.size() || total <= 0)
+        return {};
+    return std::clamp(static_cast<double>(done) / static_cast<double>(total), 0., 1.);
 }
 
 void Making::stop() {

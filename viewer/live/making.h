@@ -33,6 +33,8 @@ public:
     const std::string& line() const { return line_; }
     // The same without a stage's losses, which the window shows elsewhere.
     std::string brief() const;
+    // How much of what the line names is done, 0 to 1; nothing where it counts nothing.
+    std::optional<double> share() const;
     // Its exit status, once it has ended.
     const std::optional<int>& status() const { return status_; }
     // Once it has: how. InputError with its own words where it went wrong by itself.

@@ -253,6 +253,11 @@ void StartWindow::drawDropPlace() {
 void StartWindow::drawMaking() {
     words(fmt::format("An avatar is being made of {}:", making_->clip().filename().string()));
     words(making_->stops() ? "stops" : making_->brief());
+    if (const std::optional<double> share = making_->share()) {
+        ImGui::ProgressBar(static_cast<float>(*share), {-1, 6 * static_cast<float>(window_.unit())},
+                           "");
+        noteItem("progress");
+    }
     hint("It is opened as soon as there is something to see, and goes on meanwhile.");
     if (button("stop making it", "What is done stays; the clip, dropped again, goes on.",
                !making_->stops())) {

@@ -25,7 +25,8 @@ void Process::close() {
     process_ = 0;
 }
 
-void Process::start(std::vector<std::string> words, const std::filesystem::path& log) {
+void Process::start(std::vector<std::string> words, const std::filesystem::path& log,
+                    std::vector<std::string> settings) {
     close();
     const auto refuse = [&](int error) {
         close();
@@ -34,6 +35,10 @@ void Process::start(std::vector<std::string> words, const std::filesystem::path&
     std::vector<char*> arguments;
     for (std::string& word : words) arguments.push_back(word.data());
     arguments.push_back(nullptr);
+    std::vector<char*> environment;  // the first of two of one name counts
+    for (std::string& setting : settings) environment.push_back(setting.data());
+    for (char** ours = environ; *ours; ++ours) environment.push_back(*ours);
+    environment.push_back(nullptr);
     int ends[2] = {-1, -1};
     if (log.empty()) {
         if (pipe2(ends, O_CLOEXEC) != 0) refuse(errno);
@@ -52,8 +57,8 @@ void Process::start(std::vector<std::string> words, const std::filesystem::path&
     posix_spawnattr_t attributes;
     posix_spawnattr_init(&attributes);
     posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
-    const int error =
-        posix_spawnp(&process_, words[0].c_str(), &files, &attributes, arguments.data(), environ);
+    const int error = posix_spawnp(&process_, words[0].c_str(), &files, &attributes,
+                                   arguments.data(), environment.data());
     posix_spawnattr_destroy(&attributes);
     posix_spawn_file_actions_destroy(&files);
     ::close(ends[1]);

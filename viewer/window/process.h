@@ -20,8 +20,10 @@ public:
     // Starts words[0], looked for in $PATH, in the place of another that is let go; in a process
     // group of its own, so that Ctrl-C in our terminal does not stop it. What it says is what it
     // writes to its standard output; or, with a log, to that and to its errors, which the file gets
-    // at its end: only so it may run on without us. MachineError where it cannot be started.
-    void start(std::vector<std::string> words, const std::filesystem::path& log = {});
+    // at its end: only so it may run on without us. settings: of its environment, NAME=value; the
+    // rest is ours. MachineError where it cannot be started.
+    void start(std::vector<std::string> words, const std::filesystem::path& log = {},
+               std::vector<std::string> settings = {});
     bool running() const { return process_ > 0; }
     // What it has said since the last time; never waits.
     std::string said();
