@@ -146,6 +146,12 @@ TEST_F(StartTest, WhatIsNoAvatarIsSaid) {
               std::string::npos)
         << window.message();
 
+    writeColouredCapture(*folder_ / "recorded", turningMotion(2));
+    writeImage(*folder_ / "recorded" / "overlay.jpg", Image(20, 20, 3, 90));
+    drop(*folder_ / "recorded");
+    EXPECT_NE(window.message().find("found a capture; `doppel train "), std::string::npos)
+        << window.message() << window.question().text();
+
     fs::create_directories(*folder_ / "broken");
     std::ofstream(*folder_ / "broken" / "avatar.toml") << "format = 7\n";
     drop(*folder_ / "broken");

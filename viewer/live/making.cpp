@@ -20,6 +20,7 @@ namespace fs = std::filesystem;
 
 bool Making::takes(const fs::path& clip) {
     std::error_code error;
+    if (fs::exists(clip / "capture.toml", error)) return false;  // whose pictures tell of it
     if (fs::is_directory(clip, error)) return !picturesOfFolder(clip).empty();
     try {
         return VideoReader(clip).duration() > 0;

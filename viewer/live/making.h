@@ -13,7 +13,8 @@ namespace doppel {
 
 class Making {
 public:
-    // Whether the program makes avatars of such a thing: a film, or a folder of pictures.
+    // Whether the program makes avatars of such a thing: a film, or a folder of pictures that is no
+    // capture.
     static bool takes(const std::filesystem::path& clip);
     // Where an avatar of it goes: beside it, clip-avatar of clip.mp4.
     static std::filesystem::path folderOf(const std::filesystem::path& clip);

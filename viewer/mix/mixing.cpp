@@ -49,6 +49,7 @@ void Viewer::wear(const std::map<std::string, std::string>& worn) {
     }
     mixer_.chosen = chosen;
     beginMix();
+    mixSaved_ = false;  // nor is it while it is mixed
 }
 
 void Viewer::beginMix() {

@@ -128,6 +128,10 @@ void StartWindow::open(const fs::path& path) {
     if (!fs::exists(path, ignored))
         throwInput("{}: expected an avatar, a clip or a folder of pictures, found nothing",
                    path.string());
+    if (fs::exists(path / "capture.toml", ignored))
+        throwInput(
+            "{}: expected an avatar, found a capture; `doppel train {} --out AVATAR` makes one",
+            path.string(), path.string());
     if (!Making::takes(path))
         throwInput(
             "{}: expected an avatar's folder, a clip, or a folder of pictures; what else there is "
