@@ -53,6 +53,18 @@ protected:
             return holds();
         });
     }
+    // Until it says something.
+    void make() {
+        drop(clip_);
+        start_->answer("Make it");
+        until("its line", [&] { return start_->making() && start_->making()->line() != "starts"; });
+    }
+    static void awaitEnd(Viewer& viewer) {
+        await("its end", [&] {
+            viewer.frame();
+            return !viewer.making();
+        });
+    }
     static bool isDrawn(const std::string& label) {
         return std::ranges::count(drawnItems(), label, &DrawnItem::label) > 0;
     }
@@ -192,10 +204,7 @@ TEST_F(StartTest, AClipBecomesOne) {
     EXPECT_EQ(viewer.avatar().betas[0], 2);
     EXPECT_EQ(viewer.making()->clip(), clip_);
     program_.end(0, "");
-    await("its end", [&] {
-        viewer.frame();
-        return !viewer.making();
-    });
+    awaitEnd(viewer);
     EXPECT_EQ(viewer.message(), "avatar in " + options.avatar.string());
 }
 
@@ -205,9 +214,7 @@ TEST_F(StartTest, AnotherIsOpenedWhileItIsMade) {
     taller.betas = {2, 0, 0};
     program_.makes(taller);
     StartWindow& window = start();
-    drop(clip_);
-    window.answer("Make it");
-    until("its line", [&] { return window.making() && window.making()->line() != "starts"; });
+    make();
     drop(*folder_ / "avatar");
     EXPECT_EQ(window.chosen(), *folder_ / "avatar");
     ViewerOptions options = options_;
@@ -222,10 +229,7 @@ TEST_F(StartTest, AnotherIsOpenedWhileItIsMade) {
         return viewer.avatar().betas[0] == 2;
     });
     program_.end(0, "");
-    await("its end", [&] {
-        viewer.frame();
-        return !viewer.making();
-    });
+    awaitEnd(viewer);
 }
 
 // As `doppel view CLIP` does.
@@ -242,9 +246,7 @@ TEST_F(StartTest, AClipThatIsNamedIsAskedAbout) {
 
 TEST_F(StartTest, WhatGoesWrongIsSaidAndItGoesOn) {
     StartWindow& window = start();
-    drop(clip_);
-    window.answer("Make it");
-    until("its line", [&] { return window.making() && window.making()->line() != "starts"; });
+    make();
     program_.end(2, "doppel: my clip.mp4: expected a person\n");
     until("its end", [&] { return !window.making(); });
     EXPECT_EQ(window.message(), "my clip.mp4: expected a person");
@@ -255,9 +257,7 @@ TEST_F(StartTest, WhatGoesWrongIsSaidAndItGoesOn) {
 
 TEST_F(StartTest, ClosedMeanwhileItAsks) {
     StartWindow& window = start();
-    drop(clip_);
-    window.answer("Make it");
-    until("its line", [&] { return window.making() && window.making()->line() != "starts"; });
+    make();
     screen_->closeWindow();
     until("a question", [&] { return bool(window.question()); });
     EXPECT_NE(window.question().text().find("An avatar of my clip.mp4 is being made"),
@@ -284,6 +284,7 @@ TEST_F(StartTest, NothingIsCut) {
         start();
         screen_->resizeWindow(600, 500);
         pass(8);
+        EXPECT_GT(drawnItems().size(), 5u);
         for (const DrawnItem& item : drawnItems()) EXPECT_FALSE(item.cut) << item.label << scale;
     }
 }

@@ -1,5 +1,4 @@
 // The panel on the right.
-#include <GLFW/glfw3.h>
 #include <imgui.h>
 
 #include <algorithm>

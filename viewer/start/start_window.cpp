@@ -1,11 +1,9 @@
 #include "viewer/start/start_window.h"
 
-#include <GLFW/glfw3.h>
 #include <imgui.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <utility>
 
 #include "engine/error.h"
