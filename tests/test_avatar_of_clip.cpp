@@ -89,6 +89,27 @@ TEST_F(AvatarOfClip, TellsProgramsWhatImportAndTrainingFound) {
     EXPECT_EQ(few["chosen"][0], "000000");
 }
 
+TEST_F(AvatarOfClip, TooLittleMemoryIsRefusedBeforeTheClipIsLookedThrough) {
+    for (const char* clip : {"../clip.mp4", "../pictures"}) {
+        if (clip == std::string("../pictures")) {
+            fs::create_directories(*folder_ / "pictures");
+            VideoReader film(*folder_ / "clip.mp4");
+            Image frame;
+            for (int i = 0; i < 5 && film.next(frame); ++i)
+                writeImage(*folder_ / fmt::format("pictures/{}.png", i), frame);
+        }
+        const Outcome refused = run("little", {"avatar", clip, "--out", "me", "--memory", "8MB"});
+        EXPECT_EQ(refused.status, 2) << refused.err;
+        EXPECT_TRUE(refused.sentence().starts_with("doppel: --memory: stage ")) << refused.err;
+        EXPECT_EQ(refused.err.find("look at frames"), std::string::npos) << refused.err;
+        EXPECT_FALSE(fs::exists(*folder_ / "little/me"));
+    }
+    // What is there already needs none.
+    const Outcome finished =
+        run("whole", {"avatar", "../clip.mp4", "--out", "me", "--pose", "lite", "--memory", "8MB"});
+    EXPECT_EQ(jsonOf(finished)["was_finished"], true);
+}
+
 // Waits for a file, and ends the program.
 std::function<void(pid_t)> endOnce(const fs::path& file, int signal) {
     return [=](pid_t child) {

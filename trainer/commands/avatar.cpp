@@ -11,6 +11,9 @@
 #include "trainer/commands/train.h"
 #include "trainer/data/output_folder.h"
 #include "trainer/data/progress.h"
+#include "trainer/import/clip.h"
+#include "trainer/person/body_start.h"
+#include "trainer/stages/texture_size.h"
 #include "trainer/stages/train.h"
 
 namespace doppel {
@@ -33,6 +36,10 @@ std::string contentOf(const fs::path& path) {
     return {std::istreambuf_iterator<char>(file), {}};
 }
 
+bool isImported(const AvatarOptions& options) {
+    return fs::exists(options.out / "capture/capture.toml");
+}
+
 // The capture in OUT/capture: what an earlier run of the same request left there, or a new one.
 // Prints what the import found, or with --json leaves that to whoever prints the rest.
 nlohmann::ordered_json bringCaptureIn(const AvatarOptions& options) {
@@ -42,7 +49,7 @@ nlohmann::ordered_json bringCaptureIn(const AvatarOptions& options) {
     import.settings.startsOver = options.restart;
     const fs::path request = options.out / "request.txt";
     const std::string asked = workOf(import), there = contentOf(request);
-    const bool finished = fs::exists(import.settings.out / "capture.toml");
+    const bool finished = isImported(options);
     if (finished && !options.restart) {
         if (there == asked) {
             fmt::print(stderr, "{}: it is there from an earlier run, and is taken\n",
@@ -80,6 +87,45 @@ nlohmann::ordered_json bringCaptureIn(const AvatarOptions& options) {
     return importJson(import, *result);
 }
 
+// Networks learn what changes from frame to frame, and of a few pictures the pictures.
+void leaveOutNetworks(std::vector<std::string>& stages, size_t frames) {
+    if (frames <= kFewPictures && std::ranges::count(stages, "texels") > 0)
+        std::erase_if(stages, [](const std::string& stage) {
+            return stage == "mesh" || stage == "texture" || stage == "refine";
+        });
+}
+
+// Refuses --memory that has no room for so many frames at the least, of somebody far away, before a
+// clip is looked through for nothing. What is neither a video nor a folder of pictures is read in
+// no time, and the training refuses then.
+void requireMemoryForClip(const AvatarOptions& options, const TrainOptions& train) {
+    const ImportRequest& request = options.import.settings.request;
+    const fs::path pictures = clipFolder(request.source);
+    if (train.memoryBudget == 0 || (pictures.empty() && !fs::is_regular_file(request.source)))
+        return;
+    Clip clip(pictures.empty() ? request.source : pictures, request.clip);
+    Image picture;
+    if (!clip.next(picture)) return;  // the import says why
+    const int64_t there = clip.expected();
+    Capture least;
+    least.frames.resize(there > 0 ? std::min(size_t(there), kFewPictures + 1) : 1);
+    for (Frame& frame : least.frames)
+        frame.camera = cameraOfAngle(picture.width, picture.height, kGuessedAngle);
+    least.theta.resize(least.size());
+    least.trans.assign(least.size(), {0, 0, 100});
+    Avatar avatar;
+    avatar.bodyArrays = readBodyArrays(train.body);
+    avatar.body = bodyFromNpz(avatar.bodyArrays);
+    avatar.preset = train.preset;
+    TrainSettings settings;
+    settings.stages = train.stages;
+    leaveOutNetworks(settings.stages, least.size());
+    settings.memoryBudget = train.memoryBudget;
+    decideTextureSize(avatar, least, settings);
+    Device device(train.common.deviceOptions());
+    requireMemory(device, avatar, least, settings);
+}
+
 void runAvatar(const AvatarOptions& options) {
     catchInterrupts();
     TrainOptions train;
@@ -97,15 +143,11 @@ void runAvatar(const AvatarOptions& options) {
         knownPeople(train, kFewPictures, bodyFromNpz(readBodyArrays(train.body)));
 
     requireApart(options.out, inputsOf(options.import));
+    if (options.restart || !isImported(options)) requireMemoryForClip(options, train);
     claimFiles(options.out, "person", {"capture", "avatar", "request.txt"});
     const FolderLock lock(options.out);
     const nlohmann::ordered_json import = bringCaptureIn(options);
-    // Networks learn what changes from frame to frame, and of a few pictures the pictures.
-    if (readCapture(options.out / "capture").size() <= kFewPictures &&
-        std::ranges::count(train.stages, "texels") > 0)
-        std::erase_if(train.stages, [](const std::string& stage) {
-            return stage == "mesh" || stage == "texture" || stage == "refine";
-        });
+    leaveOutNetworks(train.stages, readCapture(options.out / "capture").size());
     const Learnt learnt = learn(train).value();
     if (options.common.json) {
         nlohmann::ordered_json json = learntJson(train, learnt);

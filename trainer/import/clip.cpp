@@ -82,6 +82,22 @@ double medianAbout(const std::vector<double>& values, size_t i) {
 
 // ---- reading ------------------------------------------------------------------------------------
 
+fs::path clipFolder(const fs::path& folder) {
+    std::error_code error;
+    if (!fs::is_directory(folder, error)) return {};
+    const fs::path images = folder / "images";
+    if (!fs::exists(images, error)) return picturesOfFolder(folder).empty() ? fs::path() : folder;
+    // Other folders and arrays belong to a layout, of which a part may be missing.
+    for (const auto& entry : fs::directory_iterator(folder, error)) {
+        const fs::path name = entry.path().filename();
+        if (entry.is_directory(error) ? name != "images" && name != "masks"
+                                      : name.extension() == ".npz")
+            return {};
+    }
+    return !fs::is_directory(images, error) || picturesOfFolder(images).empty() ? fs::path()
+                                                                                : images;
+}
+
 struct Clip::Source {
     std::optional<VideoReader> video;
     std::vector<fs::path> pictures;

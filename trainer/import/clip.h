@@ -25,6 +25,10 @@ struct ClipOptions {
     bool keepSimilar = false;  // duplicates and blurred pictures stay
 };
 
+// Where a folder's pictures are: in it, or in images/, beside which there may be masks/.
+// Empty: it is no folder of pictures.
+std::filesystem::path clipFolder(const std::filesystem::path& folder);
+
 // Reads one picture at a time, so that memory does not depend on the length. InputErrors name the
 // file: see VideoReader and readImage; a folder's pictures have one size. A video that is damaged
 // behind its first picture ends there.

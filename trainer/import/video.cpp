@@ -270,24 +270,6 @@ void leaveOutDoubtful(Capture& capture, Found& found, std::vector<ClipFrame>& fr
     std::erase(found.beginnings, kept);
 }
 
-// Where a folder's pictures are: in it, or in images/, beside which there may be masks/.
-// Empty: nowhere.
-fs::path picturesIn(const fs::path& folder) {
-    std::error_code error;
-    if (!fs::is_directory(folder, error)) return {};
-    const fs::path images = folder / "images";
-    if (!fs::exists(images, error)) return picturesOfFolder(folder).empty() ? fs::path() : folder;
-    // Other folders and arrays belong to a layout, of which a part may be missing.
-    for (const auto& entry : fs::directory_iterator(folder, error)) {
-        const fs::path name = entry.path().filename();
-        if (entry.is_directory(error) ? name != "images" && name != "masks"
-                                      : name.extension() == ".npz")
-            return {};
-    }
-    return !fs::is_directory(images, error) || picturesOfFolder(images).empty() ? fs::path()
-                                                                                : images;
-}
-
 // The masks that were asked for, or that lie beside images/; empty: none.
 fs::path masksOf(const ImportRequest& request, const fs::path& pictures) {
     std::error_code error;
@@ -320,7 +302,7 @@ Capture readClip(const ImportRequest& request) {
         matting = std::make_unique<MattingNetwork>(request.matting, request.mattingKind);
     if (!request.plate.empty() && request.cutOutBy != CutOutBy::All)
         throwInput("--plate: expected --cut-out all, for it is a picture of what is behind");
-    const fs::path folder = picturesIn(request.source),
+    const fs::path folder = clipFolder(request.source),
                    source = folder.empty() ? request.source : folder,
                    given = masksOf(request, source);
     std::vector<ClipFrame> frames = surveyClip(source, options);
@@ -508,7 +490,7 @@ const Importer kPictures{{
     .name = "pictures",
     .looks = "pictures (a clip's frames), also in images/ beside masks/",
     .isClip = true,
-    .recognises = [](const fs::path& source) { return !picturesIn(source).empty(); },
+    .recognises = [](const fs::path& source) { return !clipFolder(source).empty(); },
     .read = readClip,
 }};
 

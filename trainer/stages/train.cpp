@@ -199,21 +199,6 @@ private:
     RunRecord record_;
 };
 
-// InputError that names the first stage which needs more than settings.memoryBudget, and how much;
-// nothing where that is 0.
-void requireMemory(Device& device, const Avatar& avatar, const Capture& capture,
-                   const TrainSettings& settings) {
-    if (settings.memoryBudget == 0) return;
-    for (const Stage& stage : allStages()) {
-        if (std::ranges::count(settings.stages, stage.name) == 0) continue;
-        try {
-            stage.plan(device, avatar, capture, settings);
-        } catch (const InputError& error) {
-            throwInput("--memory: stage {}: {}", stage.name, error.what());
-        }
-    }
-}
-
 // The stages one after the other.
 void trainStages(Device& device, TrainResult& result, const TrainSettings& settings, Run& run) {
     for (const Stage& stage : allStages()) {
@@ -357,6 +342,19 @@ bool isTrained(const Avatar& there, const Avatar& asked, const Capture& capture,
                 valueOf(wanted, *key));
     }
     return true;
+}
+
+void requireMemory(Device& device, const Avatar& avatar, const Capture& capture,
+                   const TrainSettings& settings) {
+    if (settings.memoryBudget == 0) return;
+    for (const Stage& stage : allStages()) {
+        if (std::ranges::count(settings.stages, stage.name) == 0) continue;
+        try {
+            stage.plan(device, avatar, capture, settings);
+        } catch (const InputError& error) {
+            throwInput("--memory: stage {}: {}", stage.name, error.what());
+        }
+    }
 }
 
 TrainResult trainAvatar(Device& device, Avatar avatar, Capture capture,

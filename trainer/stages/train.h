@@ -14,6 +14,13 @@ namespace doppel {
 bool isTrained(const Avatar& there, const Avatar& asked, const Capture& capture,
                Precision precision, const TrainSettings& settings);
 
+// InputError that names the first of settings.stages which needs more than settings.memoryBudget,
+// and how much; nothing where that is 0. Of the capture, numbers of frames and sizes count alone,
+// and how large the person is in them; of the avatar, its preset has the texture's size
+// (decideTextureSize).
+void requireMemory(Device& device, const Avatar& avatar, const Capture& capture,
+                   const TrainSettings& settings);
+
 // Reads the capture's frames, trains, and leaves the avatar in settings.out. avatar: what is there
 // already (its body, and networks of earlier stages). However often a run is stopped and resumed,
 // it ends with the same bytes. InputError where an unfinished run was asked for something else,
