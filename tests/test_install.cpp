@@ -3,6 +3,7 @@
 #include "engine/files/atomic_file.h"
 #include "tests/refusals.h"
 #include "trainer/commands/command.h"
+#include "trainer/data/capture.h"
 
 namespace doppel {
 namespace {
@@ -25,7 +26,7 @@ protected:
     static fs::path prefix() { return *folder_ / "moved"; }
 
     // The installed program in a home without anything, where variables do not help it.
-    static Outcome installed(std::vector<std::string> words) {
+    static Outcome installed(std::vector<std::string> words, const char* home = "home") {
         const std::vector<std::string> start{"env",
                                              "-u",
                                              "DOPPEL_ASSETS",
@@ -33,7 +34,7 @@ protected:
                                              "DOPPEL_MODELS",
                                              "-u",
                                              "XDG_DATA_HOME",
-                                             "HOME=" + (*folder_ / "home").string(),
+                                             "HOME=" + (*folder_ / home).string(),
                                              (prefix() / "bin/doppel").string()};
         words.insert(words.begin(), start.begin(), start.end());
         return test::start(words);
@@ -45,14 +46,13 @@ protected:
 TEST_F(Install, HasProgramsAssetsLicencesAndTheDesktopsFiles) {
     for (const char* file :
          {"bin/doppel", "bin/doppel-bench", "share/doppel/body/default.npz",
-          "share/doppel/body/cast.npz",
-          "share/doppel/actor/woman.npz", "share/doppel/actor/woman.png",
-          "share/doc/doppel/LICENSE", "share/doc/doppel/assets/NOTICE",
-          "share/doc/doppel/docs/formats.md", "share/applications/doppel.desktop",
-          "share/thumbnailers/doppel.thumbnailer", "share/icons/hicolor/scalable/apps/doppel.svg",
-          "share/man/man1/doppel.1", "share/man/man1/doppel-train.1",
-          "share/bash-completion/completions/doppel", "share/zsh/site-functions/_doppel",
-          "share/fish/vendor_completions.d/doppel.fish"})
+          "share/doppel/body/cast.npz", "share/doppel/actor/woman.npz",
+          "share/doppel/actor/woman.png", "share/doc/doppel/LICENSE",
+          "share/doc/doppel/assets/NOTICE", "share/doc/doppel/docs/formats.md",
+          "share/applications/doppel.desktop", "share/thumbnailers/doppel.thumbnailer",
+          "share/icons/hicolor/scalable/apps/doppel.svg", "share/man/man1/doppel.1",
+          "share/man/man1/doppel-train.1", "share/bash-completion/completions/doppel",
+          "share/zsh/site-functions/_doppel", "share/fish/vendor_completions.d/doppel.fish"})
         EXPECT_TRUE(fs::exists(prefix() / file)) << file;
 }
 
@@ -178,6 +178,26 @@ TEST_F(Install, FetchesNetworksToWhereTheProgramLooks) {
     EXPECT_NE(fetch({"models"}).out.find("has them already"), std::string::npos);
     EXPECT_EQ(fetch({"models", "--into", (home / "other").string()}).status, 0);
     EXPECT_EQ(tree(home / "other"), expected);
+}
+
+// Its body, networks and kernels, with nothing of the source.
+TEST_F(Install, FindsThePersonInAClip) {
+    const fs::path models = test::sourceFolder() / "build/models",
+                   fetched = *folder_ / "filmed/.local/share/doppel/models",
+                   capture = *folder_ / "filmed/capture";
+    if (!fs::exists(models / "NOTICE"))
+        GTEST_SKIP() << "scripts/setup --models fetches the networks";
+    fs::create_directories(fetched.parent_path());
+    fs::copy(models, fetched);
+    const Outcome outcome =
+        installed({"import", (test::sourceFolder() / "tests/data/clips/vfr.mp4").string(), "--pose",
+                   "lite", "--frames", "0:4", "--out", capture.string()},
+                  "filmed");
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    const Capture found = readCapture(capture);
+    EXPECT_EQ(found.size(), 4u);
+    EXPECT_TRUE(found.hasMasks());
+    EXPECT_TRUE(fs::exists(capture / "overlay.jpg")) << "the body is drawn over the frames";
 }
 
 // ---- manual pages and completions ---------------------------------------------------------------
