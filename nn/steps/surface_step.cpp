@@ -165,15 +165,16 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
     // How places face the camera. Where poses are off, surfaces crease, and sides of a crease would
     // learn from other views than the skin around them does: a face for which facing is to count
     // more than elsewhere looks where that of the bare body does.
-    Tensor powers, isFace;
-    if (movesTexels && preset.facingFace > preset.facing) {
+    Tensor powers, byBare;
+    if (movesTexels && std::max(preset.facingFace, preset.facingFew) > preset.facing) {
         std::vector<float> power, share;
         for (uint8_t face : body.face) {
-            power.push_back(static_cast<float>(face ? preset.facingFace : preset.facing));
-            share.insert(share.end(), 3, face ? 1.0f : 0.0f);
+            const double least = std::max(face ? preset.facingFace : 0., preset.facingFew);
+            power.push_back(static_cast<float>(std::max(least, preset.facing)));
+            share.insert(share.end(), 3, least > preset.facing ? 1.0f : 0.0f);
         }
         powers = graph.constant(std::span<const float>(power), {V, 1});
-        isFace = graph.constant(std::span<const float>(share), {V, 3});
+        byBare = graph.constant(std::span<const float>(share), {V, 3});
     } else if (coloured && preset.facing > 0) {
         std::vector<float> rows(static_cast<size_t>(4 * V));
         for (size_t i = 3; i < rows.size(); i += 4) rows[i] = static_cast<float>(preset.facing);
@@ -202,10 +203,10 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
             sample.background = graph.input({size, size, 3});
             look.background = sample.background;
             look.teaches = sample.mask;
-            if (isFace) {
+            if (byBare) {
                 Tensor skinned = lbs(graph, skin, bare, pose.theta, beta, pose.trans).verts;
                 look.facing = concat(
-                    graph, multiply(graph, isFace, vertexNormals(graph, skinned, mesh)), powers);
+                    graph, multiply(graph, byBare, vertexNormals(graph, skinned, mesh)), powers);
             }
             Tensor gain;
             if (movesGains) {

@@ -66,7 +66,10 @@ namespace doppel {
     NUMBER(double, stay, .3, 0, kNoLimit, "weight of small offsets")                             \
     NUMBER(double, facing, 0, 0, 100,                                                            \
            "power of the cosine to the camera with which a pixel teaches texels")                \
-    NUMBER(double, facingFace, 0, 0, 100, "the same on the face, where it is greater")           \
+    NUMBER(double, facingFace, 0, 0, 100,                                                        \
+           "the same on the face by the bare body's normals, where it is greater")               \
+    NUMBER(double, facingFew, 0, 0, 100,                                                         \
+           "of three to sixteen frames the same on all of the body, where it is greater")        \
     NUMBER(int, rim, 0, 0, 64,                                                                   \
            "outermost pixels of masks, before a screen, that take the colours of the inside")    \
     NUMBER(double, stayTexels, 0, 0, kNoLimit,                                                   \

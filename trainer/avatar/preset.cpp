@@ -170,8 +170,10 @@ Preset presetByName(std::string_view name) {
         // around them does: whoever sees a place best would paint streaks. Eyes and mouths that
         // views have in other places become one where the best view decides; on a face that is
         // told by the bare body, which has no creases.
+        // Of few frames no mean is left of a button, or a fold, that each has elsewhere.
         preset.texels.facing = 0;
         preset.texels.facingFace = 4;
+        preset.texels.facingFew = 3;
         preset.texels.rim = 4;
         preset.texels.robust = .02;
         preset.mesh.steps = 300;

@@ -64,6 +64,7 @@ SurfacePreset fitting(SurfacePreset preset, const Capture& capture) {
     preset.steps = static_cast<int>(
         std::min<int64_t>(preset.steps, (int64_t{visits} * frames + batch - 1) / batch));
     if (frames <= 2) preset.facing = std::max(preset.facing, 4.);
+    if (frames <= 2 || frames > 16) preset.facingFew = 0;
     for (double* weight : {&preset.stay, &preset.smooth, &preset.folds, &preset.stayTexels})
         *weight *= static_cast<double>(batch) / preset.batch;
     preset.batch = batch;
