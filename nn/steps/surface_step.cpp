@@ -163,15 +163,15 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
                               static_cast<float>(d)};
     };
     // How places face the camera. Where poses are off, surfaces crease, and sides of a crease would
-    // learn from other views than the skin around them does: a face for which facing is to count
-    // more than elsewhere looks where that of the bare body does.
+    // learn from other views than the skin around them does: they look where the bare body does,
+    // where that is asked for.
     Tensor powers, byBare;
     if (movesTexels && std::max(preset.facingFace, preset.facingFew) > preset.facing) {
         std::vector<float> power, share;
         for (uint8_t face : body.face) {
-            const double least = std::max(face ? preset.facingFace : 0., preset.facingFew);
-            power.push_back(static_cast<float>(std::max(least, preset.facing)));
-            share.insert(share.end(), 3, least > preset.facing ? 1.0f : 0.0f);
+            const double byBody = std::max(face ? preset.facingFace : 0., preset.facingFew);
+            power.push_back(static_cast<float>(std::max(byBody, preset.facing)));
+            share.insert(share.end(), 3, byBody > preset.facing ? 1.0f : 0.0f);
         }
         powers = graph.constant(std::span<const float>(power), {V, 1});
         byBare = graph.constant(std::span<const float>(share), {V, 3});

@@ -101,8 +101,9 @@ void leaveOutNetworks(std::vector<std::string>& stages, size_t frames) {
 void requireMemoryForClip(const AvatarOptions& options, const TrainOptions& train) {
     const ImportRequest& request = options.import.settings.request;
     const fs::path pictures = clipFolder(request.source);
-    if (train.memoryBudget == 0 || (pictures.empty() && !fs::is_regular_file(request.source)))
-        return;
+    std::error_code error;
+    const bool isClip = !pictures.empty() || fs::is_regular_file(request.source, error);
+    if (train.memoryBudget == 0 || !isClip) return;
     Clip clip(pictures.empty() ? request.source : pictures, request.clip);
     Image picture;
     if (!clip.next(picture)) return;  // the import says why
