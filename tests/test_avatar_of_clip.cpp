@@ -98,7 +98,7 @@ TEST_F(AvatarOfClip, TooLittleMemoryIsRefusedBeforeTheClipIsLookedThrough) {
             for (int i = 0; i < 5 && film.next(frame); ++i)
                 writeImage(*folder_ / fmt::format("pictures/{}.png", i), frame);
         }
-        const Outcome refused = run("little", {"avatar", clip, "--out", "me", "--memory", "8MB"});
+        const Outcome refused = run("little", {"avatar", clip, "--out", "me", "--memory", "2MB"});
         EXPECT_EQ(refused.status, 2) << refused.err;
         EXPECT_TRUE(refused.sentence().starts_with("doppel: --memory: stage ")) << refused.err;
         EXPECT_EQ(refused.err.find("look at frames"), std::string::npos) << refused.err;
@@ -106,7 +106,7 @@ TEST_F(AvatarOfClip, TooLittleMemoryIsRefusedBeforeTheClipIsLookedThrough) {
     }
     // What is there already needs none.
     const Outcome finished =
-        run("whole", {"avatar", "../clip.mp4", "--out", "me", "--pose", "lite", "--memory", "8MB"});
+        run("whole", {"avatar", "../clip.mp4", "--out", "me", "--pose", "lite", "--memory", "2MB"});
     EXPECT_EQ(jsonOf(finished)["was_finished"], true);
 }
 

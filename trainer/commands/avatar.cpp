@@ -1,5 +1,6 @@
 // `doppel avatar`: from a video to an avatar.
 #include <algorithm>
+#include <cmath>
 #include <fstream>
 #include <iterator>
 #include <nlohmann/json.hpp>
@@ -107,9 +108,14 @@ void requireMemoryForClip(const AvatarOptions& options, const TrainOptions& trai
     Clip clip(pictures.empty() ? request.source : pictures, request.clip);
     Image picture;
     if (!clip.next(picture)) return;  // the import says why
-    const int64_t there = clip.expected();
+    // Fewer than these may be left of what is asked for, once duplicates are out: one at the least,
+    // and then no networks.
+    const ClipOptions& asked = request.clip;
+    const bool isWhole =
+        request.frames.empty() && asked.from <= 0 && std::isinf(asked.to) && asked.every <= 1;
+    const bool isMany = isWhole && clip.expected() > int64_t(2 * kFewPictures);
     Capture least;
-    least.frames.resize(there > 0 ? std::min(size_t(there), kFewPictures + 1) : 1);
+    least.frames.resize(isMany ? kFewPictures + 1 : 1);
     for (Frame& frame : least.frames)
         frame.camera = cameraOfAngle(picture.width, picture.height, kGuessedAngle);
     least.theta.resize(least.size());

@@ -50,6 +50,10 @@ void takeGains(Capture& capture, const std::vector<float>& found) {
     }
 }
 
+// Three to sixteen frames, which have no mean of what each has elsewhere, and tell about each
+// other.
+bool isAFew(const Capture& capture) { return capture.size() >= 3 && capture.size() <= 16; }
+
 // The preset with crops no larger than frames are: a crop has the frame's own pixels where it can
 // (trainer/stages/training_frames.h), and beyond the frame there is nothing to learn. And with
 // steps of no more frames than there are, what holds the surface counting as much beside them. Few
@@ -64,7 +68,7 @@ SurfacePreset fitting(SurfacePreset preset, const Capture& capture) {
     preset.steps = static_cast<int>(
         std::min<int64_t>(preset.steps, (int64_t{visits} * frames + batch - 1) / batch));
     if (frames <= 2) preset.facing = std::max(preset.facing, 4.);
-    if (frames <= 2 || frames > 16) preset.facingFew = 0;
+    if (!isAFew(capture)) preset.facingFew = 0;
     for (double* weight : {&preset.stay, &preset.smooth, &preset.folds, &preset.stayTexels})
         *weight *= static_cast<double>(batch) / preset.batch;
     preset.batch = batch;
@@ -402,9 +406,8 @@ Capture fittedToOthers(Device& device, const Avatar& avatar, const Capture& give
 // of their own.
 void fitPosesToOthers(Device& device, const Avatar& avatar, Capture& capture,
                       const TrainSettings& settings) {
-    constexpr size_t kSome = 16;
     constexpr int kRounds = 3;
-    if (avatar.preset.texels.others == 0 || capture.size() < 3 || capture.size() > kSome) return;
+    if (avatar.preset.texels.others == 0 || !isAFew(capture)) return;
     const Capture given = capture;
     for (int round = 0; round < kRounds; ++round)
         capture = fittedToOthers(device, avatar, given, capture, settings);
