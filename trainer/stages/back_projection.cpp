@@ -93,11 +93,27 @@ View viewOf(const Picture& picture, int asked) {
     return view;
 }
 
+// m, of a texel on the template, in the mean.
+double texelEdge(const BodyModel& body, const std::vector<TexelPlace>& places) {
+    double area = 0;
+    for (size_t f = 0; f < body.faces.size(); f += 3) {
+        auto corner = [&](size_t k) {
+            const float* v = &body.templateVertices[3 * static_cast<size_t>(body.faces[f + k])];
+            return glm::dvec3(v[0], v[1], v[2]);
+        };
+        area += glm::length(glm::cross(corner(1) - corner(0), corner(2) - corner(0))) / 2;
+    }
+    const auto texels = static_cast<double>(
+        std::ranges::count_if(places, [](const TexelPlace& place) { return place.face >= 0; }));
+    return std::sqrt(area / std::max(1., texels));
+}
+
 // For each texel that is not known, the known one at its mirror image on the template, or -1.
 std::vector<int64_t> mirrorImages(const BodyModel& body, const std::vector<TexelPlace>& places,
                                   const std::vector<uint8_t>& known) {
-    constexpr double kNear = 0.015;    // m
     constexpr double kSameSide = 0.5;  // cosine between the normals
+    // m; the nearest known texel beyond the next but one would repeat the rim of what is known.
+    const double near = std::min(.015, 2 * texelEdge(body, places));
     const double plane = restJoints(body, std::vector<double>(BodyModel::kShapes))[0];
     struct Point {
         glm::dvec3 place, normal;
@@ -117,9 +133,9 @@ std::vector<int64_t> mirrorImages(const BodyModel& body, const std::vector<Texel
     // Known texels by cells of space as wide as the search reaches.
     using Cell = std::array<int, 3>;
     auto cellOf = [&](const glm::dvec3& p) {
-        return Cell{static_cast<int>(std::floor(p.x / kNear)),
-                    static_cast<int>(std::floor(p.y / kNear)),
-                    static_cast<int>(std::floor(p.z / kNear))};
+        return Cell{static_cast<int>(std::floor(p.x / near)),
+                    static_cast<int>(std::floor(p.y / near)),
+                    static_cast<int>(std::floor(p.z / near))};
     };
     std::map<Cell, std::vector<size_t>> cells;
     for (size_t i = 0; i < places.size(); ++i)
@@ -131,7 +147,7 @@ std::vector<int64_t> mirrorImages(const BodyModel& body, const std::vector<Texel
         image.place.x = 2 * plane - image.place.x;
         image.normal.x = -image.normal.x;
         const Cell centre = cellOf(image.place);
-        double nearest = kNear;
+        double nearest = near;
         for (int n = 0; n < 27; ++n) {
             const auto cell = cells.find(
                 {centre[0] + n % 3 - 1, centre[1] + n / 3 % 3 - 1, centre[2] + n / 9 - 1});
