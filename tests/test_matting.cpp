@@ -8,7 +8,9 @@
 #include <string>
 
 #include "engine/error.h"
+#include "engine/io/onnx.h"
 #include "tests/files.h"
+#include "trainer/eval/metrics.h"
 #include "trainer/import/masks/clip_cutter.h"
 
 namespace doppel {
@@ -73,6 +75,26 @@ std::string network(uint64_t side, const std::vector<float>& weights, float bias
     return number(1, 7) + text(7, graph) + text(8, text(1, "") + number(2, 11));
 }
 
+// As network(), with a second result that is as large, all 1, and before the first by its letters.
+std::string twoResults(uint64_t side, const std::vector<float>& weights) {
+    auto convolution = [&](const std::string& w, const std::string& b, const std::string& y) {
+        return text(1, text(1, "x") + text(1, w) + text(1, b) + text(2, y) + text(3, y) +
+                           text(4, "Conv") + integers("kernel_shape", {1, 1}) +
+                           integers("strides", {1, 1}) + integers("pads", {0, 0, 0, 0}) +
+                           integers("dilations", {1, 1}));
+    };
+    auto sigmoid = [](const std::string& of, const std::string& z) {
+        return text(1, text(1, of) + text(2, z) + text(3, z) + text(4, "Sigmoid"));
+    };
+    const std::string graph =
+        convolution("w", "b", "y") + convolution("v", "c", "q") + sigmoid("y", "matte") +
+        sigmoid("q", "coarse") + text(2, "g") + tensor("w", {1, 3, 1, 1}, weights) +
+        tensor("b", {1}, {0}) + tensor("v", {1, 3, 1, 1}, {0, 0, 0}) + tensor("c", {1}, {40}) +
+        value(11, "x", {1, 3, side, side}) + value(12, "matte", {1, 1, side, side}) +
+        value(12, "coarse", {1, 1, side, side});
+    return number(1, 7) + text(7, graph) + text(8, text(1, "") + number(2, 11));
+}
+
 // -------------------------------------------------------------------------------------------------
 
 TEST(Matting, WithoutOpenCvItIsRefused) {
@@ -134,13 +156,57 @@ TEST(Matting, AUsersNetworkDecides) {
     EXPECT_NEAR(weak[45 * 120 + 40], 1 / (1 + std::exp(-2 * 220 / 255.)), .01);
 }
 
+// Somebody who is small in a large picture is seen from near, to the pixel.
+TEST(Matting, ANetworkLooksWhereThePersonIs) {
+    if (!MattingNetwork::available()) GTEST_SKIP() << "libopencv-dnn-dev is not installed";
+    Folder folder;
+    folder.write("red.onnx", network(512, {8, -8, 0}, 0));
+    constexpr int kWidth = 2400, kHeight = 1800;
+    Image picture(kWidth, kHeight, 3);
+    std::vector<float> share(size_t(kWidth * kHeight));
+    std::vector<uint8_t> truth(share.size());
+    for (int y = 0; y < kHeight; ++y)
+        for (int x = 0; x < kWidth; ++x) {
+            const double far = std::hypot(x + .5 - 2300, y + .5 - 900);
+            picture.pixel(x, y)[far < 40 ? 0 : 1] = 220;
+            const auto i = size_t(y * kWidth + x);
+            truth[i] = far < 40 ? 255 : 0;
+            share[i] = far < 36 ? 1.f : 0.f;
+        }
+    ClipCutter cutter("", std::make_unique<MattingNetwork>(folder / "red.onnx", "modnet"));
+    const ClipView sample{picture, share};
+    cutter.learn(sample);
+    cutter.finish({&sample, 1});
+    const FrameCut cut =
+        cutter.cut(0, sample, 100, [&](size_t) { return std::make_shared<ClipView>(sample); });
+    EXPECT_GT(intersectionOverUnion(cut.mask, truth), .98);
+}
+
+// ISNet gives six mattes of one size, of which the file's first is the finest.
+TEST(Matting, OfSeveralResultsTheFilesFirstCounts) {
+    const std::string file = twoResults(512, {8, -8, 0});
+    EXPECT_EQ(onnxOutputs(file), (std::vector<std::string>{"matte", "coarse"}));
+    // Files of strangers may be cut short, or nothing of the kind.
+    for (size_t size = 0; size < file.size(); ++size)
+        EXPECT_LE(onnxOutputs(file.substr(0, size)).size(), 2u);
+    EXPECT_TRUE(onnxOutputs(std::string(40, '\xff')).empty());
+    if (!MattingNetwork::available()) GTEST_SKIP() << "libopencv-dnn-dev is not installed";
+    Folder folder;
+    folder.write("two.onnx", file);
+    const Scene scene;
+    const std::vector<float> matte =
+        MattingNetwork(folder / "two.onnx", "modnet").share(scene.picture);
+    EXPECT_GT(matte[45 * 120 + 40], .99);
+    EXPECT_LT(matte[80 * 120 + 100], .01);
+}
+
 TEST(Matting, OtherFilesAreRefused) {
     if (!MattingNetwork::available()) GTEST_SKIP() << "libopencv-dnn-dev is not installed";
     Folder folder;
     folder.write("text.onnx", std::string("no network"));
     EXPECT_NE(messageOf<InputError>([&] {
                   MattingNetwork(folder / "text.onnx", "modnet");
-              }).find("text.onnx: expected an ONNX network with one input"),
+              }).find("text.onnx: expected an ONNX network of 32-bit floats with one input"),
               std::string::npos);
     EXPECT_NE(messageOf<InputError>([&] {
                   MattingNetwork(folder / "none.onnx", "modnet");

@@ -70,6 +70,23 @@ std::string field(uint32_t number, const ProtoMessage& message) {
 
 }  // namespace
 
+std::vector<std::string> onnxOutputs(std::string_view file) {
+    constexpr uint64_t kGraph = 7, kOutput = 12, kName = 1;  // of ModelProto, GraphProto, ValueInfo
+    std::vector<std::string> names;
+    ProtoFields model(file);
+    while (const auto part = model.next()) {
+        if (part->number != kGraph) continue;
+        ProtoFields graph(part->bytes);
+        while (const auto field = graph.next()) {
+            if (field->number != kOutput) continue;
+            ProtoFields value(field->bytes);
+            while (const auto about = value.next())
+                if (about->number == kName) names.emplace_back(about->bytes);
+        }
+    }
+    return names;
+}
+
 OnnxGraph::OnnxGraph(std::string name, std::string about)
     : name_(std::move(name)), about_(std::move(about)) {}
 

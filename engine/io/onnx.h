@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -15,6 +16,10 @@ namespace doppel {
 // The version of ONNX's operations that files ask for: what is wanted is all in it, and OpenCV 4.6
 // reads Clip of later ones as something else.
 inline constexpr int kOnnxOpset = 10;
+
+// The names of a network's results, in the order in which the file has them; none where it is no
+// ONNX.
+std::vector<std::string> onnxOutputs(std::string_view file);
 
 // A network being put together: operations in the order in which they run, on values that are known
 // by their names. Values are float32 but for lists, which are int64.

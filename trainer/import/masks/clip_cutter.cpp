@@ -25,6 +25,38 @@ std::vector<uint8_t> surely(const std::vector<float>& share) {
     return mask;
 }
 
+// The square about a person in which a matting network looks, as far as the picture goes: of a
+// whole one, in which people are small, it would see few pixels of them.
+Rect squareAround(const std::vector<uint8_t>& person, int width, int height) {
+    constexpr double kMargin = 1. / 6;  // of the square's side, on either side of the person
+    Rect box{width, height, 0, 0};
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x) {
+            if (!person[size_t(y) * size_t(width) + size_t(x)]) continue;
+            box = {std::min(box.left, x), std::min(box.top, y), std::max(box.right, x + 1),
+                   std::max(box.bottom, y + 1)};
+        }
+    if (box.empty()) return {0, 0, width, height};
+    const int half = int(std::ceil(std::max(box.width(), box.height()) / (2 - 4 * kMargin))),
+              x = (box.left + box.right) / 2, y = (box.top + box.bottom) / 2;
+    return {std::max(0, x - half), std::max(0, y - half), std::min(width, x + half),
+            std::min(height, y + half)};
+}
+
+// What a network makes of a part of the picture; nobody is elsewhere.
+std::vector<float> matteOf(MattingNetwork& network, const Image& rgb, const Rect& part) {
+    Image inside(part.width(), part.height(), 3);
+    for (int y = 0; y < inside.height; ++y)
+        std::copy_n(&rgb.data[3 * (size_t(part.top + y) * size_t(rgb.width) + size_t(part.left))],
+                    3 * size_t(inside.width), inside.pixel(0, y));
+    const std::vector<float> found = network.share(inside);
+    std::vector<float> matte(size_t(rgb.width) * size_t(rgb.height));
+    for (int y = 0; y < inside.height; ++y)
+        std::copy_n(&found[size_t(y) * size_t(inside.width)], inside.width,
+                    &matte[size_t(part.top + y) * size_t(rgb.width) + size_t(part.left)]);
+    return matte;
+}
+
 Picture pictureOf(const Image& rgb) { return {rgb.width, rgb.height, rgb.data, {}}; }
 
 }  // namespace
@@ -109,7 +141,8 @@ FrameCut ClipCutter::cut(size_t frame, const ClipView& view, double side,
     FrameCut result{std::move(own.mask), own.doubtful, 0};
     if (matting_) {
         // It finds everybody: the person is whoever is near the network's mask.
-        const std::vector<float> matte = matting_->share(rgb);
+        const std::vector<float> matte =
+            matteOf(*matting_, rgb, squareAround(network, rgb.width, rgb.height));
         const auto away = distanceTo(network, rgb.width, rgb.height);
         std::vector<uint8_t> cutOut(matte.size());
         for (size_t i = 0; i < matte.size(); ++i)

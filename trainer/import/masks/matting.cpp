@@ -1,6 +1,7 @@
 #include "trainer/import/masks/matting.h"
 
 #ifdef DOPPEL_OPENCV_DNN
+#include <opencv2/core/utils/logger.hpp>
 #include <opencv2/dnn.hpp>
 #endif
 
@@ -9,6 +10,7 @@
 
 #include "engine/error.h"
 #include "engine/files/atomic_file.h"
+#include "engine/io/onnx.h"
 
 namespace doppel {
 
@@ -28,6 +30,7 @@ bool MattingNetwork::available() { return true; }
 
 struct MattingNetwork::Net {
     cv::dnn::Net net;
+    std::vector<std::string> outputs;  // in the file's order; OpenCV has them by their letters
 };
 
 namespace {
@@ -39,8 +42,8 @@ auto guarded(const std::string& path, Call call) {
         return call();
     } catch (const cv::Exception& error) {
         throwInput(
-            "{}: expected an ONNX network with one input [1,3,H,W] that OpenCV {} can run; it "
-            "says: {}",
+            "{}: expected an ONNX network of 32-bit floats with one input [1,3,H,W] that OpenCV {} "
+            "can run; it says: {}",
             path, CV_VERSION, error.err);
     }
 }
@@ -51,8 +54,15 @@ MattingNetwork::MattingNetwork(const std::filesystem::path& file, std::string_vi
     : name_(file.filename().string()), path_(file.string()), kind_(kindOf(kind)) {
     const std::vector<uint8_t> bytes = readWholeFile(file, uint64_t{2} << 30);
     net_ = std::make_unique<Net>();
+    // What it cannot run is in the error; it would print it as well.
+    cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
     guarded(path_, [&] {
         net_->net = cv::dnn::readNetFromONNX(bytes);
+        const std::vector<std::string> found = net_->net.getUnconnectedOutLayersNames();
+        for (const std::string& name :
+             onnxOutputs({reinterpret_cast<const char*>(bytes.data()), bytes.size()}))
+            if (std::ranges::find(found, name) != found.end()) net_->outputs.push_back(name);
+        if (net_->outputs.empty()) net_->outputs = found;
         return 0;
     });
 }
@@ -71,8 +81,9 @@ std::vector<float> MattingNetwork::share(const Image& rgb) {
     const cv::Mat matte = guarded(path_, [&] {
         net_->net.setInput(input);
         std::vector<cv::Mat> outputs;
-        net_->net.forward(outputs, net_->net.getUnconnectedOutLayersNames());
-        // Networks with several scales give the finest as their largest.
+        net_->net.forward(outputs, net_->outputs);
+        // Networks with several scales give the finest as their largest, or all as large and the
+        // finest first, as ISNet does.
         cv::Mat best;
         for (const cv::Mat& output : outputs) {
             const bool one = output.dims == 4 && output.size[0] == 1 && output.size[1] == 1 &&
