@@ -134,7 +134,7 @@ TEST(Train, FacesKeepTheirSide) {
     Capture capture = tinyCapture(folder.path() / "capture");
     Avatar avatar = tinyAvatar();
     avatar.preset.shape.steps = 0;
-    avatar.preset.texels.steps = 90;
+    avatar.preset.texels.steps = 30;
     avatar.preset.texels.smooth = 0;
     avatar.preset.texels.lambda = .1f;
     TrainSettings settings;

@@ -25,6 +25,8 @@ constexpr double kHidden = 0.012;
 // Weight of the least cosine to the camera, 14 degrees from its side: what is seen by a smaller one
 // is as good as not seen, and its picture is the outline's.
 constexpr float kLeastFacing = .0037f;
+// How far from a mirror image, m, what is seen stands for it.
+constexpr double kMirrored = .015;
 // Samples of the depth per pixel and axis, in pictures of up to so many pixels.
 constexpr int kSamples = 2;
 constexpr int64_t kSampledPixels = int64_t{1} << 20;
@@ -108,12 +110,11 @@ double texelEdge(const BodyModel& body, const std::vector<TexelPlace>& places) {
     return std::sqrt(area / std::max(1., texels));
 }
 
-// For each texel that is not known, the known one at its mirror image on the template, or -1.
+// For each texel that is not known, the known one nearest to its mirror image on the template,
+// nearer than so much, m, or -1.
 std::vector<int64_t> mirrorImages(const BodyModel& body, const std::vector<TexelPlace>& places,
-                                  const std::vector<uint8_t>& known) {
+                                  const std::vector<uint8_t>& known, double near) {
     constexpr double kSameSide = 0.5;  // cosine between the normals
-    // m; the nearest known texel beyond the next but one would repeat the rim of what is known.
-    const double near = std::min(.015, 2 * texelEdge(body, places));
     const double plane = restJoints(body, std::vector<double>(BodyModel::kShapes))[0];
     struct Point {
         glm::dvec3 place, normal;
@@ -262,6 +263,35 @@ void takeFromNeighbours(const BodyModel& body, const std::vector<TexelPlace>& pl
     }
 }
 
+// As fillUnseen(), with mirror images that are nearer than so much, m.
+void fill(const BodyModel& body, const std::vector<TexelPlace>& places, int size,
+          const KnownPeople& people, double near, FirstTexels& first) {
+    std::vector<double> trust = first.trust;
+    std::vector<uint8_t> known(places.size());
+    for (size_t i = 0; i < places.size(); ++i) known[i] = first.origin[i] == kFromFrames;
+    std::vector<int64_t> mirrored = mirrorImages(body, places, known, near);
+    std::optional<ExpectedLook> look;
+    if (!people.people.empty()) {
+        const SeenVertices seen = atVertices(body, places, first.texture, known, trust);
+        look = expectedLook(people, body, seen.colours, seen.trust);
+        first.heights = look->heights;
+        dropOtherGarments(body, places, first.texture, *look, mirrored);
+    }
+    for (size_t i = 0; i < places.size(); ++i) {
+        if (known[i] || places[i].face < 0) continue;
+        first.origin[i] = mirrored[i] < 0 ? kFromNeighbours : kFromOtherSide;
+    }
+    for (size_t i = 0; i < places.size(); ++i) {
+        if (first.origin[i] != kFromOtherSide) continue;
+        const auto other = static_cast<size_t>(mirrored[i]);
+        std::copy_n(&first.texture[3 * other], 3, &first.texture[3 * i]);
+        known[i] = 1;
+        trust[i] = trust[other];
+    }
+    takeFromNeighbours(body, places, trust, look, first, known);
+    fillHoles(first.texture, known, static_cast<size_t>(size), static_cast<size_t>(size));
+}
+
 }  // namespace
 
 double FirstTexels::part(TexelOrigin from) const {
@@ -349,36 +379,13 @@ FirstTexels backProject(Device& device, const BodyModel& body, const Capture& ca
         for (size_t c = 0; c < 3; ++c)
             first.texture[3 * i + c] = static_cast<float>(sums[3 * i + c] / first.trust[i]);
     }
-    fillUnseen(body, size, people, first);
+    fill(body, places, size, people, kMirrored, first);
     return first;
 }
 
 void fillUnseen(const BodyModel& body, int size, const KnownPeople& people, FirstTexels& first) {
     const std::vector<TexelPlace> places = texelPlaces(body, size);
-    std::vector<double> trust = first.trust;
-    std::vector<uint8_t> known(places.size());
-    for (size_t i = 0; i < places.size(); ++i) known[i] = first.origin[i] == kFromFrames;
-    std::vector<int64_t> mirrored = mirrorImages(body, places, known);
-    std::optional<ExpectedLook> look;
-    if (!people.people.empty()) {
-        const SeenVertices seen = atVertices(body, places, first.texture, known, trust);
-        look = expectedLook(people, body, seen.colours, seen.trust);
-        first.heights = look->heights;
-        dropOtherGarments(body, places, first.texture, *look, mirrored);
-    }
-    for (size_t i = 0; i < places.size(); ++i) {
-        if (known[i] || places[i].face < 0) continue;
-        first.origin[i] = mirrored[i] < 0 ? kFromNeighbours : kFromOtherSide;
-    }
-    for (size_t i = 0; i < places.size(); ++i) {
-        if (first.origin[i] != kFromOtherSide) continue;
-        const auto other = static_cast<size_t>(mirrored[i]);
-        std::copy_n(&first.texture[3 * other], 3, &first.texture[3 * i]);
-        known[i] = 1;
-        trust[i] = trust[other];
-    }
-    takeFromNeighbours(body, places, trust, look, first, known);
-    fillHoles(first.texture, known, static_cast<size_t>(size), static_cast<size_t>(size));
+    fill(body, places, size, people, std::min(kMirrored, 2 * texelEdge(body, places)), first);
 }
 
 }  // namespace doppel

@@ -32,16 +32,17 @@ inline constexpr size_t kProjectedFrames = 120;
 // that on its border. The border, before a screen all the rim, has the colours of what is further
 // inside (rim.h). A place counts where no other part of the body is before it, and where it is not
 // seen from its side. A texel that no frame sees takes its mirror image on the body's other side
-// where a frame sees that, else what lies around it on the body (colours/unseen_colours.h) and what
-// known people tell (prior/expected_look.h).
-// The frames need masks. Each rank looks at its part of the frames; all get the same, which differs
-// from one process's by rounding.
+// where a frame sees that, or what is within 15 mm of it, else what lies around it on the body
+// (colours/unseen_colours.h) and what known people tell (prior/expected_look.h). The frames need
+// masks. Each rank looks at its part of the frames; all get the same, which differs from one
+// process's by rounding.
 FirstTexels backProject(Device& device, const BodyModel& body, const Capture& capture,
                         FrameCache& frames, int size, int rim, Ranks* ranks = nullptr,
                         const KnownPeople& known = {});
 
 // Gives texels that no frame sees what those tell that frames do see, in the place of what they
-// have: for texels that were trained since.
+// have: for texels that were trained since. A mirror image is within two texels here: farther, it
+// would repeat the rim of what is seen.
 void fillUnseen(const BodyModel& body, int size, const KnownPeople& known, FirstTexels& first);
 
 }  // namespace doppel
