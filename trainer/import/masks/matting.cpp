@@ -61,7 +61,9 @@ MattingNetwork::MattingNetwork(const std::filesystem::path& file, std::string_vi
         const std::vector<std::string> found = net_->net.getUnconnectedOutLayersNames();
         for (const std::string& name :
              onnxOutputs({reinterpret_cast<const char*>(bytes.data()), bytes.size()}))
-            if (std::ranges::find(found, name) != found.end()) net_->outputs.push_back(name);
+            if (std::ranges::find(found, name) != found.end() &&
+                std::ranges::find(net_->outputs, name) == net_->outputs.end())
+                net_->outputs.push_back(name);
         if (net_->outputs.empty()) net_->outputs = found;
         return 0;
     });
