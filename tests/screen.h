@@ -31,7 +31,8 @@ public:
         keyUp(name);
     }
 
-    // Of the first window on the screen.
+    // The first that is there.
+    unsigned long window();
     std::string title();
     // The largest of its icons, R, G, B, A; empty: it has none.
     Image icon();
@@ -50,7 +51,6 @@ public:
     Image grab(int x, int y, int width, int height);
 
 private:
-    unsigned long window();
     void tell(unsigned long source, const char* message, long second, long third, long fourth,
               long fifth);
     void* display_ = nullptr;

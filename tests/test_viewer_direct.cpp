@@ -147,26 +147,6 @@ TEST(Composition, TakesOnlyWhatHasChanged) {
 
 // ---- the window ---------------------------------------------------------------------------------
 
-// Another way to present for viewers that are opened meanwhile.
-class Presenting {
-public:
-    explicit Presenting(const char* how) {
-        if (const char* set = std::getenv("DOPPEL_PRESENT")) before_ = set;
-        setenv("DOPPEL_PRESENT", how, 1);
-    }
-    ~Presenting() {
-        if (before_)
-            setenv("DOPPEL_PRESENT", before_->c_str(), 1);
-        else
-            unsetenv("DOPPEL_PRESENT");
-    }
-    Presenting(const Presenting&) = delete;
-    Presenting& operator=(const Presenting&) = delete;
-
-private:
-    std::optional<std::string> before_;
-};
-
 TEST(Presenting, SaysWhichWordsItKnows) {
     DeviceInfo gpu, cpu;
     cpu.cpu = true;
@@ -179,8 +159,9 @@ TEST(Presenting, SaysWhichWordsItKnows) {
         EXPECT_TRUE((Presenting("direct"), presentsDirectly(device)));
         EXPECT_FALSE((Presenting("host"), presentsDirectly(device)));
         const Presenting wrong("Direct");
-        EXPECT_NE(messageOf<InputError>([&] { presentsDirectly(device); })
-                      .find("DOPPEL_PRESENT: expected direct or host, or nothing, found Direct"),
+        EXPECT_NE(messageOf<InputError>([&] {
+                      presentsDirectly(device);
+                  }).find("DOPPEL_PRESENT: expected direct or host, or nothing, found Direct"),
                   std::string::npos);
     }
 }

@@ -43,8 +43,9 @@ protected:
         screen_->release(1);
         pass();
     }
-    void drop(const fs::path& path) {
-        EXPECT_TRUE(screen_->drop(uriList({path}), 60, 60, [&] { start_->frame(); }));
+    void drop(const fs::path& path) { drop(std::vector{path}); }
+    void drop(const std::vector<fs::path>& paths) {
+        EXPECT_TRUE(screen_->drop(uriList(paths), 60, 60, [&] { start_->frame(); }));
         pass();
     }
     void until(const std::string& what, const std::function<bool()>& holds) {
@@ -196,11 +197,12 @@ TEST_F(StartTest, AClipBecomesOne) {
     EXPECT_EQ(window.chosen(), *folder_ / "my clip-avatar" / "avatar");
     std::optional<Making> making = window.takeMaking();
     ASSERT_TRUE(making);
+    std::unique_ptr<Window> same = window.takeWindow();
     start_.reset();
 
     ViewerOptions options = options_;
     options.avatar = *folder_ / "my clip-avatar" / "avatar";
-    Viewer viewer(options, std::move(making));
+    Viewer viewer(options, std::move(same), std::move(making));
     EXPECT_EQ(viewer.avatar().betas[0], 2);
     EXPECT_EQ(viewer.making()->clip(), clip_);
     program_.end(0, "");
@@ -221,7 +223,7 @@ TEST_F(StartTest, AnotherIsOpenedWhileItIsMade) {
     options.avatar = *window.chosen();
     std::optional<Making> making = window.takeMaking();
     start_.reset();
-    Viewer viewer(options, std::move(making));
+    Viewer viewer(options, {}, std::move(making));
     EXPECT_NE(viewer.avatar().betas[0], 2);
     program_.go();
     await("the avatar", [&] {
@@ -230,6 +232,40 @@ TEST_F(StartTest, AnotherIsOpenedWhileItIsMade) {
     });
     program_.end(0, "");
     awaitEnd(viewer);
+}
+
+// The window that is there shows what was chosen, whoever presents it, with what was dropped
+// beside; it is as large as a viewer's, unless the user had another mind.
+TEST_F(StartTest, TheViewerGoesOnInTheSameWindow) {
+    const Motion motion = turningMotion(7);
+    writeNpz(*folder_ / "walk.npz", posesArrays(motion.theta, motion.trans, {}), false);
+    options_.width = 900, options_.height = 700;
+    for (const char* how : {"host", "direct"}) {
+        SCOPED_TRACE(how);
+        const Presenting presenting(how);
+        StartWindow& window = start();
+        const bool resized = how == std::string_view("direct");
+        if (resized) screen_->resizeWindow(640, 520);
+        pass();
+        const unsigned long id = screen_->window();
+        drop({*folder_ / "walk.npz", *folder_ / "avatar"});
+        ASSERT_EQ(window.chosen(), *folder_ / "avatar");
+        EXPECT_TRUE(isDrawn(fmt::format("Opens {} ...", folder_->path().filename().string())));
+
+        ViewerOptions options = options_;
+        options.avatar = *window.chosen();
+        viewer_.emplace(options, window.takeWindow());
+        start_.reset();
+        EXPECT_EQ(viewer_->window().width(), resized ? 640 : 900);
+        EXPECT_EQ(viewer_->window().height(), resized ? 520 : 700);
+        EXPECT_EQ(viewer_->window().directly(), resized);
+        settle();
+        EXPECT_EQ(viewer_->frameCount(), 7) << viewer_->message();
+        EXPECT_EQ(screen_->window(), id);
+        EXPECT_EQ(screen_->title(), "avatar - Doppel");
+        ViewerTest::window();  // which waits for the screen to show it
+        viewer_.reset();
+    }
 }
 
 // As `doppel view CLIP` does.

@@ -71,6 +71,26 @@ inline Motion turningMotion(size_t frames) {
     return motion;
 }
 
+// Another way to present for viewers that are opened meanwhile.
+class Presenting {
+public:
+    explicit Presenting(const char* how) {
+        if (const char* set = std::getenv("DOPPEL_PRESENT")) before_ = set;
+        setenv("DOPPEL_PRESENT", how, 1);
+    }
+    ~Presenting() {
+        if (before_)
+            setenv("DOPPEL_PRESENT", before_->c_str(), 1);
+        else
+            unsetenv("DOPPEL_PRESENT");
+    }
+    Presenting(const Presenting&) = delete;
+    Presenting& operator=(const Presenting&) = delete;
+
+private:
+    std::optional<std::string> before_;
+};
+
 class ViewerTest : public testing::Test {
 protected:
     static void SetUpTestSuite() {

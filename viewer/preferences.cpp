@@ -85,6 +85,16 @@ void writePreferences(const fs::path& state, const Preferences& preferences) {
     }
 }
 
+WindowOptions windowOptions(const ViewerOptions& options, const Preferences& preferences) {
+    return {.title = "Doppel",
+            .width = options.width,
+            .height = options.height,
+            .scale = std::clamp(options.scale.value_or(preferences.scale), kSmallestScale,
+                                kLargestScale),
+            .theme = options.theme.value_or(preferences.theme),
+            .device = {}};
+}
+
 void remember(Preferences& preferences, const fs::path& file) {
     std::error_code error;
     const fs::path path = fs::weakly_canonical(file, error);

@@ -6,7 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "viewer/settings.h"
 #include "viewer/window/look.h"
+#include "viewer/window/window.h"
 
 namespace doppel {
 
@@ -38,6 +40,9 @@ constexpr double kSmallestScale = .5, kLargestScale = 4;
 Preferences readPreferences(const std::filesystem::path& state);
 // Nothing where `state` is empty, and where it cannot be written: they are not worth an error.
 void writePreferences(const std::filesystem::path& state, const Preferences& preferences);
+
+// The viewer's: as the options have it, else as it was chosen before.
+WindowOptions windowOptions(const ViewerOptions& options, const Preferences& preferences);
 
 // Puts the file first, and forgets those that were opened longest ago.
 void remember(Preferences& preferences, const std::filesystem::path& file);

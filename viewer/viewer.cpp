@@ -31,18 +31,15 @@ std::shared_ptr<Device> openDevice(DeviceOptions options, Window& window) {
 
 }  // namespace
 
-Viewer::Viewer(const ViewerOptions& options, std::optional<Making> making)
+Viewer::Viewer(const ViewerOptions& options, std::unique_ptr<Window> window,
+               std::optional<Making> making)
     : options_(options),
       source_(options.avatar),
       avatar_(source_.load()),  // before a window opens for one that is not there
       preferences_(readPreferences(options.state)),
-      window_(
-          {"Doppel",
-           options.width,
-           options.height,
-           std::clamp(options.scale.value_or(preferences_.scale), kSmallestScale, kLargestScale),
-           options.theme.value_or(preferences_.theme),
-           {}}),
+      ownWindow_(window ? std::move(window)
+                        : std::make_unique<Window>(windowOptions(options, preferences_))),
+      window_(*ownWindow_),
       device_(openDevice(options.device, window_)),
       movingSamples_(options.smoothWithin.value_or(device_->info().cpu ? 0 : 5)),
       making_(std::move(making)),
@@ -52,9 +49,9 @@ Viewer::Viewer(const ViewerOptions& options, std::optional<Making> making)
     openKeys();
     useAvatar(avatar_);
     opened(options.avatar);
-    uiScale_ =
-        std::clamp(options.scale.value_or(preferences_.scale), kSmallestScale, kLargestScale);
-    settings_.theme = options.theme.value_or(preferences_.theme);
+    const WindowOptions look = windowOptions(options, preferences_);
+    uiScale_ = look.scale;
+    settings_.theme = look.theme;
     if (settings_.theme == Theme::Light) settings_.colour = {.80f, .81f, .83f};
     settings_.texture = bestTexture();
     if (!avatar_->textured) settings_.paint = kPaintClay;

@@ -57,9 +57,11 @@ public:
     static constexpr int kPanelWidth = 360, kTimelineHeight = 74;
 
     // InputError for what the options name and is not there or not right; MachineError where no
-    // window can be opened. making: one that was begun before; its avatar is opened as soon as there
-    // is something to see, as one of this window's.
-    explicit Viewer(const ViewerOptions& options, std::optional<Making> making = {});
+    // window can be opened. window: in place of one of its own, opened or become as windowOptions()
+    // has it. making: one that was begun before; its avatar is opened as soon as there is something
+    // to see, as one of this window's.
+    explicit Viewer(const ViewerOptions& options, std::unique_ptr<Window> window = {},
+                    std::optional<Making> making = {});
     ~Viewer();
 
     // One turn: events in, picture out; waits for events where there is nothing to do. False once
@@ -495,7 +497,8 @@ private:
     std::shared_ptr<LoadedAvatar> avatar_;
     Preferences preferences_;
     double uiScale_ = 1;
-    Window window_;
+    std::unique_ptr<Window> ownWindow_;
+    Window& window_;
     std::shared_ptr<Device> device_;
     std::unique_ptr<Scene> scene_;
     Company others_{*device_};

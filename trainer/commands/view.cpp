@@ -80,6 +80,7 @@ const Command<ViewOptions> kView{{
                 viewer.theme = options.theme == "light" ? Theme::Light : Theme::Dark;
             if (!viewer.camera.empty()) readCameraText(viewer.camera);  // before a window opens
             if (!viewer.keys.empty()) Bindings::named(viewer.keys);
+            std::unique_ptr<Window> window;
             std::optional<Making> making;  // goes on behind the window
             if (const auto folder = LiveAvatar::at(viewer.avatar)) {
                 viewer.avatar = *folder;
@@ -89,8 +90,9 @@ const Command<ViewOptions> kView{{
                 if (!start.chosen()) return;
                 viewer.avatar = *start.chosen();
                 if (auto begun = start.takeMaking()) making.emplace(std::move(*begun));
+                window = start.takeWindow();
             }
-            Viewer(viewer, std::move(making)).run();
+            Viewer(viewer, std::move(window), std::move(making)).run();
         },
 }};
 

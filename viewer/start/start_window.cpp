@@ -39,16 +39,13 @@ std::string nameOf(const fs::path& avatar) {
                : whole.filename().string();
 }
 
-WindowOptions windowOptions(const ViewerOptions& options, const Preferences& preferences) {
-    const double scale =
-        std::clamp(options.scale.value_or(preferences.scale), kSmallestScale, kLargestScale);
+WindowOptions startOptions(const ViewerOptions& viewer, const Preferences& preferences) {
+    WindowOptions options = windowOptions(viewer, preferences);
     // Letters that are larger still scroll.
-    const double larger = std::clamp(scale, 1., 1.5);
-    return {.title = "Doppel",
-            .width = static_cast<int>(kWidth * larger),
-            .height = static_cast<int>(kHeight * larger),
-            .scale = scale,
-            .theme = options.theme.value_or(preferences.theme)};
+    const double larger = std::clamp(options.scale, 1., 1.5);
+    options.width = static_cast<int>(kWidth * larger);
+    options.height = static_cast<int>(kHeight * larger);
+    return options;
 }
 
 }  // namespace
@@ -56,8 +53,8 @@ WindowOptions windowOptions(const ViewerOptions& options, const Preferences& pre
 StartWindow::StartWindow(const ViewerOptions& options)
     : options_(options),
       preferences_(readPreferences(options.state)),
-      window_(windowOptions(options, preferences_)) {
-    window_.present(nullptr);
+      window_(std::make_unique<Window>(startOptions(options, preferences_))) {
+    window_->present(nullptr);
     for (const fs::path path : preferences_.recent) {
         if (!LiveAvatar::isAvatar(path)) continue;
         known_.push_back({path, {}});
@@ -71,29 +68,32 @@ StartWindow::StartWindow(const ViewerOptions& options)
 }
 
 bool StartWindow::frame() {
-    if (chosen_) return false;
-    if (window_.closed()) {
+    if (chosen_) {
+        drawOpening();
+        return false;
+    }
+    if (window_->closed()) {
         if (!making_) return false;
-        window_.keepOpen();
+        window_->keepOpen();
         if (!question_) askToLeave();
     }
     double wait = framesToDraw_ > 0 || tipPending() ? 0 : .25;
     if (dialog_.isOpen()) wait = std::min(wait, .05);
-    const bool drawable = window_.begin(wait);
+    const bool drawable = window_->begin(wait);
     if (!question_)
         if (const auto path = dialog_.chosen()) attempt([&] { open(*path); });
     attempt([&] { advanceMaking(); });
-    if (window_.touched() || question_.appears()) framesToDraw_ = 3;
+    if (window_->touched() || question_.appears()) framesToDraw_ = 3;
     if (!drawable || (framesToDraw_ == 0 && !tipPending())) return true;
 
     forgetItems();
-    window_.beginFrame();
+    window_->beginFrame();
     openDropped();
-    for (const KeyPress& press : window_.keys())
+    for (const KeyPress& press : window_->keys())
         if (const auto label = question_.answerOf(press)) answer(*label);
     draw();
-    if (const auto label = question_.draw(window_.unit())) answer(*label);
-    window_.end({});
+    if (const auto label = question_.draw(window_->unit())) answer(*label);
+    window_->end({});
     framesToDraw_ = std::max(framesToDraw_ - 1, 0);
     return true;
 }
@@ -146,8 +146,11 @@ void StartWindow::open(const fs::path& path) {
 }
 
 void StartWindow::openDropped() {
-    const std::vector<fs::path> now = window_.dropped();
+    const std::vector<fs::path> now = window_->dropped();
     dropped_.insert(dropped_.end(), now.begin(), now.end());
+    // An avatar takes the others with it.
+    std::ranges::stable_partition(
+        dropped_, [](const fs::path& path) { return LiveAvatar::at(path).has_value(); });
     while (!question_ && !chosen_ && !dropped_.empty()) {
         const fs::path path = std::move(dropped_.front());
         dropped_.pop_front();
@@ -159,6 +162,12 @@ void StartWindow::openDropped() {
 void StartWindow::choose(const fs::path& avatar) {
     LiveAvatar(avatar).load();
     chosen_ = avatar;
+}
+
+std::unique_ptr<Window> StartWindow::takeWindow() {
+    const std::vector<fs::path> left(dropped_.begin(), dropped_.end());
+    window_->drop(left);
+    return std::move(window_);
 }
 
 void StartWindow::advanceMaking() {
@@ -181,11 +190,11 @@ void StartWindow::askToLeave() {
         [this] {
             making_->stop();
             making_.reset();
-            window_.close();
+            window_->close();
         },
         [this] {
             making_.reset();
-            window_.close();
+            window_->close();
         }));
     framesToDraw_ = 3;
 }
@@ -217,8 +226,22 @@ void StartWindow::draw() {
     ImGui::End();
 }
 
+// Reading it takes a moment, and the device's programs may have to be compiled.
+void StartWindow::drawOpening() {
+    window_->become(windowOptions(options_, preferences_));
+    if (!window_->begin(0)) return;
+    forgetItems();
+    window_->beginFrame();
+    ImGui::SetNextWindowPos({0, 0});
+    ImGui::SetNextWindowSize(ImGui::GetIO().DisplaySize);
+    ImGui::Begin("start", nullptr, kFixed);
+    words(fmt::format("Opens {} ...", nameOf(*chosen_)));
+    ImGui::End();
+    window_->end({});
+}
+
 void StartWindow::drawDropPlace() {
-    const auto unit = static_cast<float>(window_.unit());
+    const auto unit = static_cast<float>(window_->unit());
     const float wide = ImGui::GetContentRegionAvail().x;
     ImGui::Dummy({wide, kDropHeight * unit});
     const ImVec2 low = ImGui::GetItemRectMin(), high = ImGui::GetItemRectMax();
@@ -238,7 +261,7 @@ void StartWindow::drawDropPlace() {
     words("Or name it:");
     const bool entered =
         pathField("An avatar's folder, a clip or a folder of pictures; Enter opens it.", pathText_,
-                  window_.keys());
+                  window_->keys());
     const bool named = pathText_[0] != 0;
     if ((button("open", "The avatar, or the clip, of this name.", named) || entered) && named)
         attempt([&] { open(typedPath(pathText_)); });
@@ -256,8 +279,8 @@ void StartWindow::drawMaking() {
     words(fmt::format("An avatar is being made of {}:", making_->clip().filename().string()));
     words(making_->stops() ? "stops" : making_->brief());
     if (const std::optional<double> share = making_->share()) {
-        ImGui::ProgressBar(static_cast<float>(*share), {-1, 6 * static_cast<float>(window_.unit())},
-                           "");
+        ImGui::ProgressBar(static_cast<float>(*share),
+                           {-1, 6 * static_cast<float>(window_->unit())}, "");
         noteItem("progress");
     }
     hint("It is opened as soon as there is something to see, and goes on meanwhile.");
@@ -280,7 +303,7 @@ void StartWindow::drawKnown() {
     ImGui::Separator();
     ImGui::Spacing();
     words("Opened before:");
-    const auto unit = static_cast<float>(window_.unit());
+    const auto unit = static_cast<float>(window_->unit());
     const float space = ImGui::GetStyle().ItemSpacing.x, wide = ImGui::GetContentRegionAvail().x;
     const int perRow = std::max(1, static_cast<int>((wide + space) / (kCard * unit + space)));
     int count = 0;
@@ -291,7 +314,7 @@ void StartWindow::drawKnown() {
 }
 
 void StartWindow::drawCard(Known& known, float side) {
-    const auto unit = static_cast<float>(window_.unit());
+    const auto unit = static_cast<float>(window_->unit());
     const std::string name = nameOf(known.folder);
     const float line = ImGui::GetTextLineHeightWithSpacing();
     ImGui::PushID(known.folder.c_str());
@@ -304,7 +327,7 @@ void StartWindow::drawCard(Known& known, float side) {
     if (known.preview.empty()) {
         list.AddRectFilled(low, corner, ImGui::GetColorU32(ImGuiCol_FrameBg));
     } else {
-        const int pixels = std::max(1, static_cast<int>(std::lround(side * window_.scale())));
+        const int pixels = std::max(1, static_cast<int>(std::lround(side * window_->scale())));
         if (known.shown.width != pixels) known.shown = firstView(known.preview, pixels);
         list.AddImage(&known.shown, low, corner);
     }

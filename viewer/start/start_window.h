@@ -5,6 +5,7 @@
 #include <deque>
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -27,14 +28,18 @@ public:
     // window can be opened.
     explicit StartWindow(const ViewerOptions& options);
 
-    // One turn, as Viewer::frame(): false once the window is closed or an avatar is chosen.
+    // One turn, as Viewer::frame(): false once the window is closed, or an avatar is chosen and the
+    // window says that it is being opened.
     bool frame();
     // Nothing: the window was closed.
     const std::optional<std::filesystem::path>& chosen() const { return chosen_; }
-    // What still makes the avatar that was chosen, for who shows it.
+    // What still makes an avatar, for who shows it. This and takeWindow() are the last that it
+    // does.
     std::optional<Making> takeMaking() { return std::exchange(making_, std::nullopt); }
+    // In which the avatar is to be seen; what else was dropped on it is there again to be taken.
+    std::unique_ptr<Window> takeWindow();
 
-    Window& window() { return window_; }
+    Window& window() { return *window_; }
     const QuestionBox& question() const { return question_; }
     void answer(const std::string& label);
     const std::optional<Making>& making() const { return making_; }
@@ -50,6 +55,7 @@ private:
     };
 
     void draw();
+    void drawOpening();
     void drawDropPlace();
     void drawMaking();
     void drawKnown();
@@ -65,7 +71,7 @@ private:
 
     ViewerOptions options_;
     Preferences preferences_;
-    Window window_;
+    std::unique_ptr<Window> window_;
     std::vector<Known> known_;
     QuestionBox question_;
     std::optional<Making> making_;

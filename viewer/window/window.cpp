@@ -57,6 +57,7 @@ bool presentsDirectly(const DeviceInfo& info) {
 
 struct Window::Parts {
     GLFWwindow* window = nullptr;
+    glm::ivec2 asked{}, opened{};  // its size: as the options said it, and as it came
     std::vector<KeyPress> keys, keysNow;
     std::set<int> down;
     bool mouseHeld = false;
@@ -81,9 +82,11 @@ struct Window::Parts {
 
     ~Parts();
     void openWindow(const WindowOptions& options);
+    void resize(glm::ivec2 size);
     void setIcon();
     void listen();
     void openSwapchain();
+    void dropSwapchain();
     void openImGui();
     void measure();
 };
@@ -102,10 +105,42 @@ void Window::Parts::openWindow(const WindowOptions& options) {
     window =
         glfwCreateWindow(options.width, options.height, options.title.c_str(), nullptr, nullptr);
     if (!window) throwMachine("no window can be opened: {}", glfwReason());
+    asked = {options.width, options.height};
+    glfwGetWindowSize(window, &opened.x, &opened.y);
     setIcon();
     measure();
     glfwSetWindowUserPointer(window, this);
     listen();
+}
+
+// Unless the user has changed it. What is larger stays on its monitor, around the same centre.
+void Window::Parts::resize(glm::ivec2 size) {
+    glm::ivec2 now{}, place{}, low{}, room{};
+    glfwGetWindowSize(window, &now.x, &now.y);
+    if (now != opened || glfwGetWindowAttrib(window, GLFW_MAXIMIZED)) return;
+    const glm::ivec2 wanted = glm::dvec2(size) * glm::dvec2(opened) / glm::dvec2(asked);
+    glfwGetWindowPos(window, &place.x, &place.y);
+    const glm::ivec2 centre = place + now / 2;
+    int count = 0;
+    GLFWmonitor** monitors = glfwGetMonitors(&count);
+    for (int i = 0; i < count; ++i) {
+        glfwGetMonitorWorkarea(monitors[i], &low.x, &low.y, &room.x, &room.y);
+        if (glm::any(glm::lessThan(centre, low)) ||
+            glm::any(glm::greaterThanEqual(centre, low + room)))
+            continue;
+        const glm::ivec2 corner = glm::max(low, glm::min(centre - wanted / 2, low + room - wanted));
+        glfwSetWindowPos(window, corner.x, corner.y);
+        break;
+    }
+    glfwSetWindowSize(window, wanted.x, wanted.y);
+    // A window manager takes a moment, and may have another mind.
+    for (int turn = 0; turn < 10 && now != wanted; ++turn) {
+        glfwWaitEventsTimeout(.02);
+        glfwGetWindowSize(window, &now.x, &now.y);
+    }
+    asked = size;
+    opened = now;
+    measure();
 }
 
 // Of the sizes that desktops take: title bars, task bars, switchers.
@@ -176,6 +211,11 @@ void Window::Parts::openSwapchain() {
     if (swapchain->composing()) composer.emplace(*device);
 }
 
+void Window::Parts::dropSwapchain() {
+    swapchain.reset();  // which waits for what the composer has begun
+    composer.reset();
+}
+
 void Window::Parts::openImGui() {
     IMGUI_CHECKVERSION();
     ImGui::CreateContext();
@@ -205,8 +245,7 @@ Window::Parts::~Parts() {
         if (ImGui::GetIO().BackendPlatformUserData) ImGui_ImplGlfw_Shutdown();
         ImGui::DestroyContext();
     }
-    swapchain.reset();  // which waits for what the composer has begun
-    composer.reset();
+    dropSwapchain();
     if (window) glfwDestroyWindow(window);
     glfwTerminate();
 }
@@ -228,8 +267,16 @@ std::vector<const char*> Window::surfaceExtensions() const {
 }
 
 void Window::present(std::shared_ptr<Device> composing) {
+    parts_->dropSwapchain();
     parts_->device = std::move(composing);
     parts_->openSwapchain();
+}
+
+void Window::become(const WindowOptions& options) {
+    setTitle(options.title);
+    setLook(options.scale, options.theme);
+    parts_->presenter = options.device;
+    parts_->resize({options.width, options.height});
 }
 
 bool Window::directly() const { return parts_->composer.has_value(); }
@@ -317,6 +364,9 @@ void Window::setClipboard(const std::string& text) {
     glfwSetClipboardString(parts_->window, text.c_str());
 }
 std::vector<std::filesystem::path> Window::dropped() { return std::exchange(parts_->dropped, {}); }
+void Window::drop(std::span<const std::filesystem::path> paths) {
+    parts_->dropped.insert(parts_->dropped.end(), paths.begin(), paths.end());
+}
 int Window::swapchainCount() const { return parts_->swapchain->count(); }
 Canvas Window::drawn() const { return directly() ? parts_->composer->read() : parts_->canvas; }
 uint64_t Window::uploadedBytes() const {

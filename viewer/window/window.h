@@ -48,11 +48,15 @@ public:
 
     // Of the instance of a device that shall present on it; valid as long as the window.
     std::vector<const char*> surfaceExtensions() const;
-    // Once, before the first begin(): what end() is given is composed and presented by this device
-    // if it can, which directly() says; else, or without one, by the host. MachineError where no
-    // device can present on the screen.
+    // Before the first begin(), and again for another device: what end() is given is composed and
+    // presented by this device if it can, which directly() says; else, or without one, by the host.
+    // MachineError where no device can present on the screen.
     void present(std::shared_ptr<Device> composing);
     bool directly() const;
+
+    // Goes on as a window that was opened with these, where something else is shown in it from now
+    // on. It keeps the size that the user gave it.
+    void become(const WindowOptions& options);
 
     // Takes events, at most `seconds` waiting for one; 0 does not wait. False where there is
     // nothing to draw on (minimised, or no size).
@@ -94,8 +98,10 @@ public:
     void setTitle(const std::string& title);
     std::string clipboard() const;
     void setClipboard(const std::string& text);
-    // Files dropped on the window since the last begin().
+    // Files dropped on the window since they were asked for.
     std::vector<std::filesystem::path> dropped();
+    // As if the user had dropped them.
+    void drop(std::span<const std::filesystem::path> paths);
     // How often the swapchain was made anew.
     int swapchainCount() const;
     // The whole window as end() drew it last, which the screen shows a moment later.
