@@ -23,6 +23,7 @@ protected:
         options.height = height;
         options.scale = scale;
         options.theme = theme;
+        options.state = state_;
         viewer_.emplace(options);
         screen_->move(9, 9);
         turn();
@@ -36,12 +37,27 @@ protected:
             EXPECT_FALSE(item.cut) << what << ": \"" << item.label << "\" from " << item.low.x
                                    << " to " << item.high.x;
     }
+    // What can be unfolded and is in sight, from below, for what unfolds pushes down what follows.
+    void unfold() {
+        for (const char* header : {"messages", "more of films and pictures", "opened before",
+                                   "kept poses", "drags turn one bone (FK)"}) {
+            const auto drawn = std::ranges::find(drawnItems(), header, &DrawnItem::label);
+            if (drawn == drawnItems().end() || drawn->high.y > float(viewer_->window().height()))
+                continue;
+            clickItem(header);
+            if (std::string_view(header) == "kept poses") clickItem("keep this pose");
+            ++unfolded_;
+        }
+    }
+    int unfolded_ = 0;
+    fs::path state_;  // what the viewer remembers is there; empty: nothing
     static void SetUpTestSuite() {
         screen_ = new Screen(3840, 2160);
         folder_ = new Folder;
         Avatar avatar = plainAvatar();
         addMeshNet(avatar);
         writeAvatar(*folder_ / "avatar", avatar);
+        writeColouredCapture(*folder_ / "capture", turningMotion(8));
     }
     // The whole screen, for people to look at.
     void keep(const std::string& name, int width, int height) {
@@ -57,13 +73,18 @@ TEST_F(LookTest, NothingIsCutWhateverTheScale) {
         double scale;
         Theme theme;
     };
+    state_ = *folder_ / "state";
     for (const Case& c : {Case{1280, 800, 1, Theme::Dark},
                           {1920, 1080, 1, Theme::Light},
                           {1920, 1080, 1.5, Theme::Dark},
                           {3840, 2160, 2, Theme::Light},
                           {600, 600, 1, Theme::Dark}}) {
         const std::string what = fmt::format("{}x{} at {}", c.width, c.height, c.scale);
+        fs::remove_all(state_);
         Viewer& viewer = openAt(c.width, c.height, c.scale, c.theme);
+        viewer.loadMotion(folder_->path() / "capture");
+        screen_->key("Home");
+        settle();
         viewer.editor().setKeyframe(0);
         EXPECT_EQ(viewer.timelineHeight(), std::lround(Viewer::kTimelineHeight * c.scale));
         for (const char* tab : {"View", "Pose", "Shape", "Inspect", "Mix", "Files"}) {
@@ -81,10 +102,13 @@ TEST_F(LookTest, NothingIsCutWhateverTheScale) {
                 EXPECT_TRUE(viewer.inspected());
             }
             expectNothingCut(what + ", " + tab);
+            unfold();
+            expectNothingCut(what + ", " + tab + ", unfolded");
             keep(fmt::format("{}-{}-{}-{}", c.width, c.height, c.scale, tab), c.width, c.height);
         }
         viewer_.reset();
     }
+    EXPECT_GE(unfolded_, 5 * 5 - 3);  // in the smallest window not all are in sight
 }
 
 // A tip says what an item does, once the mouse has rested on it.
