@@ -28,6 +28,13 @@ protected:
         clickItem(tab);
         return viewer;
     }
+    // The largest difference of two poses' rotations, radians.
+    static double furthest(const Pose& a, const Pose& b) {
+        double most = 0;
+        for (size_t j = 0; j < joint::kCount; ++j)
+            most = std::max(most, glm::distance(a.rotation[j], b.rotation[j]));
+        return most;
+    }
     bool shows(const std::string& words) {
         return std::ranges::count(drawnItems(), words, &DrawnItem::label) > 0;
     }
@@ -168,6 +175,47 @@ TEST_F(ControlsTest, TheCameraIsCopiedAsJsonAndPasted) {
     clickItem("paste camera");
     EXPECT_NEAR(viewer.camera().yaw, .7, 1e-6);
     EXPECT_NEAR(viewer.camera().pitch, -.2, 1e-6);
+}
+
+// As --camera names it; it is what is copied again.
+TEST_F(ControlsTest, BeginsWithTheCameraThatIsNamed) {
+    Viewer& first = openTab("View");
+    first.camera().yaw = .7;
+    first.camera().pitch = -.2;
+    first.camera().distance *= .6;
+    settle();
+    clickItem("copy camera");
+    ViewerOptions options;
+    options.avatar = *folder_ / "avatar";
+    options.camera = first.window().clipboard();
+    Viewer& viewer = viewer_.emplace(options);
+    settle();
+    EXPECT_EQ("--camera " + cameraText(viewer.camera()), options.camera);
+    options.camera = "yaw of a camera";
+    viewer_.reset();
+    EXPECT_NE(messageOf<InputError>([&] { Viewer wrong(options); }).find("camera"),
+              std::string::npos);
+}
+
+TEST_F(ControlsTest, APoseIsPastedMirrored) {
+    Viewer& viewer = openTab("Pose");
+    const Pose straight = viewer.editor().pose();
+    const glm::dvec2 wrist = at(joint::kLeftWrist);
+    drag(wrist, wrist + glm::dvec2(-20, -60));
+    const Pose raised = viewer.editor().pose();
+    keyWith("Control_L", "c");
+    keyWith("Control_L", "z");
+    settle();
+    screen_->keyDown("Alt_L");
+    keyWith("Control_L", "v");
+    screen_->keyUp("Alt_L");
+    settle();
+    const Pose pasted = viewer.editor().pose(), expected = mirrored(raised);
+    EXPECT_GT(furthest(straight, expected), .1);
+    EXPECT_LT(furthest(pasted, expected), 1e-5);
+    keyWith("Control_L", "z");
+    settle();
+    EXPECT_LT(furthest(viewer.editor().pose(), straight), 1e-5);
 }
 
 // What is seen through the capture's camera is not the view that would be copied.

@@ -182,21 +182,25 @@ TEST_F(ViewerTest, PosesAreKeptForAllAvatars) {
     EXPECT_FALSE(messageOf<InputError>([&] { PoseLibrary("").keep(bent, Betas{}); }).empty());
 }
 
-// A program in the place of zenity, which writes down its words and answers when it is told to.
+// A program in the place of zenity or kdialog, which writes down its words and answers when it is
+// told to.
 class DialogTest : public ViewerTest {
 protected:
     void SetUp() override {
         ViewerTest::SetUp();
         path_ = std::getenv("PATH");
         fs::create_directories(programs_.path());
-        const fs::path program = programs_ / "zenity";
+        makeProgram("zenity");
+        setenv("PATH", (programs_.path().string() + ":/usr/bin:/bin").c_str(), 1);
+        unsetenv("XDG_CURRENT_DESKTOP");
+    }
+    void makeProgram(const std::string& name) {
+        const fs::path program = programs_ / name;
         std::ofstream(program) << "#!/bin/sh\nhere=$(dirname \"$0\")\nprintf '%s\\n' \"$@\" > "
                                   "\"$here/words.part\"\nmv \"$here/words.part\" \"$here/words\"\n"
                                   "while ! [ -e \"$here/status\" ]; do sleep .02; done\n"
                                   "cat \"$here/answer\"\nexit \"$(cat \"$here/status\")\"\n";
         fs::permissions(program, fs::perms::owner_all);
-        setenv("PATH", (programs_.path().string() + ":/usr/bin:/bin").c_str(), 1);
-        unsetenv("XDG_CURRENT_DESKTOP");
     }
     void TearDown() override {
         setenv("PATH", path_.c_str(), 1);
@@ -318,6 +322,39 @@ TEST_F(DialogTest, FilesAndFoldersAreChosen) {
     const auto began = std::chrono::steady_clock::now();
     viewer_.reset();
     EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(5));
+}
+
+// Whose dialog has other words, though zenity is there as well.
+TEST_F(DialogTest, KdesDesktopHasItsOwn) {
+    makeProgram("kdialog");
+    setenv("XDG_CURRENT_DESKTOP", "ubuntu:KDE", 1);
+    ViewerOptions options;
+    options.width = 980, options.height = 740;
+    Viewer& viewer = open(options);
+    viewer.settings().panel = true;
+    settle();
+    clickItem("Files");
+    const fs::path named = *folder_ / "of kde.npz";
+    const Motion motion = turningMotion(5);
+    writeNpz(named, posesArrays(motion.theta, motion.trans, {}), false);
+    const auto asks = [&](const char* title, const char* what) {
+        const std::string asked = words();
+        EXPECT_EQ(asked.find(fmt::format("--title\n{}", title)), 0u) << asked;
+        EXPECT_NE(asked.find(fmt::format("\n{}\n/", what)), std::string::npos) << asked;
+    };
+    clickItem("choose a file");
+    asks("Open a motion", "--getopenfilename");
+    answer(named.string());
+    untilAnswered([&] { return viewer.frameCount() == 5; });
+    clickItem("choose a folder");
+    asks("Open an avatar", "--getexistingdirectory");
+    answer((*folder_ / "avatar").string());
+    untilAnswered([&] { return viewer.message().find("the avatar avatar") == 0; });
+    clickItem("choose where to save");
+    asks("Save the poses", "--getsavefilename");
+    answer((*folder_ / "by kde").string());
+    untilAnswered([&] { return fs::exists(*folder_ / "by kde.npz"); });
+    unsetenv("XDG_CURRENT_DESKTOP");
 }
 
 TEST_F(DialogTest, WithoutAProgramTheButtonsSaySo) {
