@@ -1,12 +1,17 @@
 // The body model: the default one, files in SMPL's own form, hostile files, the atlas.
 #include "nn/body/body.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <map>
 #include <numeric>
 
+#include <glm/geometric.hpp>
+#include <glm/vec3.hpp>
+
 #include "nn/body/body_atlas.h"
+#include "nn/body/face_views.h"
 #include "nn/ops/body.h"
 #include "tests/files.h"
 #include "tests/op_test.h"
@@ -248,6 +253,67 @@ TEST(Body, FingersAreStiffAndHeadsAreNot) {
     for (float side : {-1.f, 1.f}) EXPECT_EQ(stiffness[farthest(1, side)], 1);  // sole, crown
     EXPECT_GE(*std::ranges::min_element(stiffness), 1);
     EXPECT_EQ(surfaceStiffness(body, 1, 1), std::vector<float>(stiffness.size(), 1));
+}
+
+// By which it is told who paints a place: of the default body, unposed, which looks along +z.
+TEST(Body, OneViewSeesTheMiddleOfAFaceBest) {
+    const BodyModel body = bodyFromNpz(readNpz(kDefaultBody));
+    std::vector<glm::dvec3> verts, normals(static_cast<size_t>(body.vertexCount));
+    for (size_t v = 0; v < normals.size(); ++v)
+        verts.push_back({body.templateVertices[3 * v], body.templateVertices[3 * v + 1],
+                         body.templateVertices[3 * v + 2]});
+    for (size_t f = 0; f < body.faces.size(); f += 3) {
+        const auto a = static_cast<size_t>(body.faces[f]),
+                   b = static_cast<size_t>(body.faces[f + 1]),
+                   c = static_cast<size_t>(body.faces[f + 2]);
+        const glm::dvec3 normal = glm::cross(verts[b] - verts[a], verts[c] - verts[a]);
+        for (const size_t v : {a, b, c}) normals[v] += normal;
+    }
+    for (glm::dvec3& normal : normals) normal = glm::normalize(normal);
+    const auto looks = [&](double middle) {
+        const SparseMatrix rows = viewNormals(body, middle);
+        EXPECT_EQ(rows.rows(), body.vertexCount);
+        std::vector<glm::dvec3> found;
+        for (size_t v = 0; v < normals.size(); ++v) {
+            glm::dvec3 normal(0);
+            double sum = 0;
+            for (auto k = static_cast<size_t>(rows.begin[v]); k < size_t(rows.begin[v + 1]); ++k) {
+                normal += double{rows.value[k]} * normals[static_cast<size_t>(rows.column[k])];
+                sum += double{rows.value[k]};
+            }
+            EXPECT_NEAR(sum, 1, 1e-5) << v;
+            found.push_back(glm::normalize(normal));
+        }
+        return found;
+    };
+    const std::vector<glm::dvec3> own = looks(0), found = looks(.6);
+    double low = 1e9, high = -1e9, side = 0;
+    for (size_t v = 0; v < normals.size(); ++v) {
+        EXPECT_LT(glm::distance(own[v], normals[v]), 1e-12) << v;
+        if (!body.face[v]) {
+            EXPECT_LT(glm::distance(found[v], normals[v]), 1e-12) << v;
+            continue;
+        }
+        low = std::min(low, verts[v].y), high = std::max(high, verts[v].y);
+        side = std::max(side, verts[v].x);
+    }
+    double ownTurn = 0, aside = 1;
+    size_t middle = 0;
+    for (size_t v = 0; v < normals.size(); ++v) {
+        if (!body.face[v]) continue;
+        const double across = verts[v].x / side,
+                     along = (2 * verts[v].y - low - high) / (high - low);
+        if (std::hypot(across, along) < .55) {
+            ++middle;
+            ownTurn = std::max(ownTurn, std::abs(normals[v].x));
+            EXPECT_LT(std::abs(found[v].x), .1) << v;
+            EXPECT_GT(found[v].z, .9) << v;
+        }
+        if (std::abs(along) < .2 && across > .95) aside = std::min(aside, found[v].x);
+    }
+    EXPECT_GT(middle, 100u);
+    EXPECT_GT(ownTurn, .7);  // a nose's flank
+    EXPECT_GT(aside, .5);
 }
 
 TEST(Body, ZeroPoseGivesTheShapedTemplate) {

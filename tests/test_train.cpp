@@ -194,13 +194,15 @@ TEST(Train, FacesAreTaughtByWhoIsBeforeThem) {
     test::Folder folder;
     const Capture capture = tinyCapture(folder.path() / "capture");
     int runs = 0;
-    const auto trained = [&](double facingFace, double facingFew = 0, size_t frames = 6) {
+    const auto trained = [&](double facingFace, double facingFew = 0, size_t frames = 6,
+                             double middle = 0) {
         Avatar avatar = tinyAvatar();
         avatar.preset.texels.steps = 2;
         avatar.preset.texels.lrLight = avatar.preset.texels.lrGain = 0;
         avatar.preset.texels.facing = 0;
         avatar.preset.texels.facingFace = facingFace;
         avatar.preset.texels.facingFew = facingFew;
+        avatar.preset.texels.facingMiddle = middle;
         TrainSettings settings;
         settings.out = folder.path() / fmt::format("{}", runs++);
         settings.pictureSeconds = 0;
@@ -226,6 +228,10 @@ TEST(Train, FacesAreTaughtByWhoIsBeforeThem) {
     };
     EXPECT_GT(changed(alike, faced)[1], .1);
     EXPECT_LT(changed(alike, faced)[0], .05);  // at its border
+    // Its middle by where all of it looks.
+    const Avatar middle = trained(4, 0, 6, .6);
+    EXPECT_GT(changed(faced, middle)[1], .1);
+    EXPECT_LT(changed(faced, middle)[0], .05);
     // Of few frames all of her, but not of two.
     EXPECT_GT(changed(faced, trained(4, 4))[0], .1);
     EXPECT_EQ(trained(4, 4, 2).texels, trained(4, 0, 2).texels);

@@ -8,6 +8,7 @@
 #include <glm/geometric.hpp>
 #include <glm/vec3.hpp>
 
+#include "nn/body/face_views.h"
 #include "nn/body/seams.h"
 #include "nn/ops/body.h"
 #include "nn/ops/elementwise.h"
@@ -166,6 +167,7 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
     // learn from other views than the skin around them does: they look where the bare body does,
     // where that is asked for.
     Tensor powers, byBare;
+    SparseMatrix looks;
     if (movesTexels && std::max(preset.facingFace, preset.facingFew) > preset.facing) {
         std::vector<float> power, share;
         for (uint8_t face : body.face) {
@@ -175,6 +177,7 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
         }
         powers = graph.constant(std::span<const float>(power), {V, 1});
         byBare = graph.constant(std::span<const float>(share), {V, 3});
+        looks = viewNormals(body, preset.facingMiddle);
     } else if (coloured && preset.facing > 0) {
         std::vector<float> rows(static_cast<size_t>(4 * V));
         for (size_t i = 3; i < rows.size(); i += 4) rows[i] = static_cast<float>(preset.facing);
@@ -205,8 +208,8 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
             look.teaches = sample.mask;
             if (byBare) {
                 Tensor skinned = lbs(graph, skin, bare, pose.theta, beta, pose.trans).verts;
-                look.facing = concat(
-                    graph, multiply(graph, byBare, vertexNormals(graph, skinned, mesh)), powers);
+                Tensor normals = sparseProduct(graph, looks, vertexNormals(graph, skinned, mesh));
+                look.facing = concat(graph, multiply(graph, byBare, normals), powers);
             }
             Tensor gain;
             if (movesGains) {

@@ -68,6 +68,8 @@ namespace doppel {
            "power of the cosine to the camera with which a pixel teaches texels")                \
     NUMBER(double, facingFace, 0, 0, 100,                                                        \
            "the same on the face by the bare body's normals, where it is greater")               \
+    NUMBER(double, facingMiddle, 0, 0, 2,                                                        \
+           "part of the face's extent, from its middle, that who is before it teaches")          \
     NUMBER(double, facingFew, 0, 0, 100,                                                         \
            "of three to sixteen frames the same on all of the body, where it is greater")        \
     NUMBER(int, rim, 0, 0, 64,                                                                   \

@@ -173,6 +173,7 @@ Preset presetByName(std::string_view name) {
         // Of few frames no mean is left of a button, or a fold, that each has elsewhere.
         preset.texels.facing = 0;
         preset.texels.facingFace = 4;
+        preset.texels.facingMiddle = .6;
         preset.texels.facingFew = 3;
         preset.texels.rim = 4;
         preset.texels.robust = .02;
