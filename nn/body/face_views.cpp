@@ -42,7 +42,7 @@ SparseMatrix viewNormals(const BodyModel& body, double middle) {
             rows.endRow();
             continue;
         }
-        const glm::dvec3 aside = (2. * at(v) - low - high) / (high - low);
+        const glm::dvec3 aside = (2. * at(v) - low - high) / glm::max(high - low, 1e-6);
         const double whole =
             std::clamp((middle + kFade - std::hypot(aside.x, aside.y)) / kFade, 0., 1.);
         std::map<int64_t, double> row;
