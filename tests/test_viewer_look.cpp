@@ -73,7 +73,7 @@ TEST_F(LookTest, NothingIsCutWhateverTheScale) {
         double scale;
         Theme theme;
     };
-    state_ = *folder_ / "state";
+    state_ = *folder_ / "unfolding";
     for (const Case& c : {Case{1280, 800, 1, Theme::Dark},
                           {1920, 1080, 1, Theme::Light},
                           {1920, 1080, 1.5, Theme::Dark},
