@@ -19,15 +19,6 @@ protected:
         writeNpz(*folder_ / name, npz, false);
         return *folder_ / name;
     }
-    // With a tab of the panel, in a window that has room for all of it.
-    Viewer& openTab(const std::string& tab, ViewerOptions options = {}) {
-        options.width = 980, options.height = 750;
-        Viewer& viewer = open(options);
-        viewer.settings().panel = true;
-        settle();
-        clickItem(tab);
-        return viewer;
-    }
     // The largest difference of two poses' rotations, radians.
     static double furthest(const Pose& a, const Pose& b) {
         double most = 0;

@@ -37,12 +37,7 @@ protected:
 
 // And says what it was taken to mean, which other programs may have meant otherwise.
 TEST_F(DropsTest, AMotionOfEachFormatPlays) {
-    ViewerOptions options;
-    options.width = 980, options.height = 740;
-    Viewer& viewer = open(options);
-    viewer.settings().panel = true;
-    settle();
-    clickItem("Files");
+    Viewer& viewer = openTab("Files");
     clickItem("messages");
     struct Case {
         const char *name, *says;

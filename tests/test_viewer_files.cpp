@@ -234,12 +234,7 @@ protected:
 };
 
 TEST_F(DialogTest, FilesAndFoldersAreChosen) {
-    ViewerOptions options;
-    options.width = 980, options.height = 740;
-    Viewer& viewer = open(options);
-    viewer.settings().panel = true;
-    settle();
-    clickItem("Files");
+    Viewer& viewer = openTab("Files");
     const fs::path named = *folder_ / "a name\nwith 'all' of it.npz";
     Motion motion = turningMotion(7);
     writeNpz(named, posesArrays(motion.theta, motion.trans, {}), false);
@@ -328,12 +323,7 @@ TEST_F(DialogTest, FilesAndFoldersAreChosen) {
 TEST_F(DialogTest, KdesDesktopHasItsOwn) {
     makeProgram("kdialog");
     setenv("XDG_CURRENT_DESKTOP", "ubuntu:KDE", 1);
-    ViewerOptions options;
-    options.width = 980, options.height = 740;
-    Viewer& viewer = open(options);
-    viewer.settings().panel = true;
-    settle();
-    clickItem("Files");
+    Viewer& viewer = openTab("Files");
     const fs::path named = *folder_ / "of kde.npz";
     const Motion motion = turningMotion(5);
     writeNpz(named, posesArrays(motion.theta, motion.trans, {}), false);
@@ -354,7 +344,6 @@ TEST_F(DialogTest, KdesDesktopHasItsOwn) {
     asks("Save the poses", "--getsavefilename");
     answer((*folder_ / "by kde").string());
     untilAnswered([&] { return fs::exists(*folder_ / "by kde.npz"); });
-    unsetenv("XDG_CURRENT_DESKTOP");
 }
 
 TEST_F(DialogTest, WithoutAProgramTheButtonsSaySo) {

@@ -132,6 +132,15 @@ protected:
         settle();
         return *viewer_;
     }
+    // With a tab of the panel, in a window that has room for all of it.
+    Viewer& openTab(const std::string& tab, ViewerOptions options = {}) {
+        options.width = 980, options.height = 750;
+        Viewer& viewer = open(options);
+        viewer.settings().panel = true;
+        settle();
+        clickItem(tab);
+        return viewer;
+    }
     void turn(int times = 3) {
         for (int i = 0; i < times; ++i) ASSERT_TRUE(viewer_->frame());
     }
