@@ -227,13 +227,11 @@ double overlap(const std::vector<uint8_t>& a, const std::vector<uint8_t>& b) {
 
 // As an import cuts the person out of a clip of this one picture.
 std::vector<uint8_t> maskOf(const PersonLandmarks& person, const Image& picture) {
-    const ClipView view{picture, personShareWithFeet(person, picture.width, picture.height)};
+    const ClipView view = clipViewOf(person, picture);
     ClipCutter cutter("");
     cutter.learn(view);
     cutter.finish({&view, 1});
-    return cutter
-        .cut(0, view, person.roi.side, [&](size_t) { return std::make_shared<ClipView>(view); })
-        .mask;
+    return cutter.cut(0, view, [&](size_t) { return std::make_shared<ClipView>(view); }).mask;
 }
 
 TEST(PersonMask, GoesBackToThePicture) {

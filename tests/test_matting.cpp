@@ -136,12 +136,13 @@ TEST(Matting, AUsersNetworkDecides) {
     EXPECT_LT(matte[80 * 120 + 100], .01);
     EXPECT_GT(matte[20 * 120 + 105], .99);  // the other one as well
     ClipCutter cutter("", std::make_unique<MattingNetwork>(folder / "red.onnx", "modnet"));
-    const ClipView sample{scene.picture, scene.share};
+    const ClipView sample{scene.picture, scene.share, std::vector<uint8_t>(scene.share.size()),
+                          100};
     cutter.learn(sample);
     cutter.finish({&sample, 1});
     EXPECT_EQ(cutter.source(), "the matting network red.onnx");
     const FrameCut cut =
-        cutter.cut(0, sample, 100, [&](size_t) { return std::make_shared<ClipView>(sample); });
+        cutter.cut(0, sample, [&](size_t) { return std::make_shared<ClipView>(sample); });
     double both = 0, any = 0;
     for (size_t i = 0; i < cut.mask.size(); ++i) {
         both += cut.mask[i] && scene.truth[i];
@@ -174,11 +175,11 @@ TEST(Matting, ANetworkLooksWhereThePersonIs) {
             share[i] = far < 36 ? 1.f : 0.f;
         }
     ClipCutter cutter("", std::make_unique<MattingNetwork>(folder / "red.onnx", "modnet"));
-    const ClipView sample{picture, share};
+    const ClipView sample{picture, share, std::vector<uint8_t>(share.size()), 100};
     cutter.learn(sample);
     cutter.finish({&sample, 1});
     const FrameCut cut =
-        cutter.cut(0, sample, 100, [&](size_t) { return std::make_shared<ClipView>(sample); });
+        cutter.cut(0, sample, [&](size_t) { return std::make_shared<ClipView>(sample); });
     EXPECT_GT(intersectionOverUnion(cut.mask, truth), .98);
 }
 

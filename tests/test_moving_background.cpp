@@ -45,7 +45,9 @@ struct Scene {
             const double across = 9 * std::sin(1.7 * f), down = 7 * std::cos(2.3 * f),
                          turn = .01 * std::sin(f), gain = 1 + .08 * std::sin(1.1 * f);
             ClipView view{Image(kWidth, kHeight, 3),
-                          std::vector<float>(size_t(kWidth) * size_t(kHeight))};
+                          std::vector<float>(size_t(kWidth) * size_t(kHeight)),
+                          {},
+                          kSide};
             std::vector<uint8_t> inside(view.share.size());
             for (int y = 0; y < kHeight; ++y)
                 for (int x = 0; x < kWidth; ++x) {
@@ -76,7 +78,7 @@ struct Scene {
         EXPECT_TRUE(background.tells());
         return background.favour(
             picture, views[picture], kWhole, std::vector<uint8_t>(views[picture].share.size(), 1),
-            kSide, [&](size_t other) { return std::make_shared<ClipView>(views[other]); });
+            [&](size_t other) { return std::make_shared<ClipView>(views[other]); });
     }
 };
 
@@ -115,9 +117,9 @@ TEST(MovingBackground, OnlyWhatIsWantedIsTold) {
     const Rect part{30, 90, 130, 310};
     std::vector<uint8_t> wanted(size_t(part.width()) * size_t(part.height()));
     for (size_t i = 0; i < wanted.size(); ++i) wanted[i] = i % size_t(part.width()) < 50;
-    const auto favour = background.favour(
-        0, scene.views[0], part, wanted, kSide,
-        [&](size_t other) { return std::make_shared<ClipView>(scene.views[other]); });
+    const auto favour = background.favour(0, scene.views[0], part, wanted, [&](size_t other) {
+        return std::make_shared<ClipView>(scene.views[other]);
+    });
     size_t some = 0;
     for (size_t i = 0; i < favour.size(); ++i) {
         some += favour[i] != 0;

@@ -134,7 +134,8 @@ public:
             }
         }
         const auto view = std::make_shared<const ClipView>(load_(frame));
-        const size_t bytes = view->rgb.data.size() + sizeof(float) * view->share.size();
+        const size_t bytes =
+            view->rgb.data.size() + sizeof(float) * view->share.size() + view->part.size();
         const std::lock_guard lock(mutex_);
         recent_.push_front({frame, view});
         while (recent_.size() > std::max<size_t>(1, kRecentBytes / bytes)) recent_.pop_back();
@@ -157,9 +158,7 @@ void cutAll(const Capture& capture, Found& found, const fs::path& shares, bool g
     const auto load = [&](size_t f) {
         PersonLandmarks person = *found.track[f];
         takeShare(shares / (capture.frames[f].name + ".png"), person);
-        ClipView view{readImage(capture.frames[f].image), {}};
-        view.share = personShareWithFeet(person, view.rgb.width, view.rgb.height);
-        return view;
+        return clipViewOf(person, readImage(capture.frames[f].image));
     };
     RecentViews views(load);
     const size_t count = capture.size(), some = std::min(count, kSamples);
@@ -195,7 +194,7 @@ void cutAll(const Capture& capture, Found& found, const fs::path& shares, bool g
                     return true;
                 },
                 [&] {
-                    cut = cutter.cut(f, *frame, found.track[f]->roi.side, std::ref(views));
+                    cut = cutter.cut(f, *frame, std::ref(views));
                     Image mask(frame->rgb.width, frame->rgb.height, 1);
                     mask.data = cut.mask;
                     writeImage(file, mask);
@@ -380,8 +379,7 @@ Capture readClip(const ImportRequest& request) {
         }
         quality.frames.push_back(qualityOf(frame.name, *person, picture.width, picture.height));
         quality.frames.back().picture = fileOf(i);
-        if (!masks)
-            cutter.learn({picture, personShareWithFeet(*person, picture.width, picture.height)});
+        if (!masks) cutter.learn(clipViewOf(*person, picture));
         found.pictures.add(std::span<const uint8_t>(picture.data));
         found.pictures.add(std::span<const float>(person->mask));
         const fs::path share = shares / (frame.name + ".png");

@@ -84,7 +84,7 @@ void ClipCutter::learn(const ClipView& view) {
         masks_.setPlate(resize(plate, rgb.width, rgb.height));
         plateSet_ = true;
     }
-    masks_.learn(rgb, view.share);
+    masks_.learn(view);
     moving_.add(view.share, rgb.width, rgb.height);
 }
 
@@ -126,18 +126,18 @@ bool ClipCutter::looksBehind() const {
            moving_.tells();
 }
 
-FrameCut ClipCutter::cut(size_t frame, const ClipView& view, double side,
+FrameCut ClipCutter::cut(size_t frame, const ClipView& view,
                          const MovingBackground::Look& look) const {
-    const auto& [rgb, share] = view;
+    const auto& [rgb, share, part, side] = view;
     const std::vector<uint8_t> network = surely(share);
     ClipMasks::Behind behind;
     if (looksBehind())
         behind = [&](const Rect& rect, const std::vector<uint8_t>& wanted) {
-            return moving_.favour(frame, view, rect, wanted, side, look);
+            return moving_.favour(frame, view, rect, wanted, look);
         };
-    CutOut own = by_ == CutOutBy::Network ? cutOutAsGiven(rgb, share)
-                 : by_ == CutOutBy::Edges ? cutOutAlongEdges(rgb, share, side)
-                                          : masks_.cutOut(rgb, share, side, behind);
+    CutOut own = by_ == CutOutBy::Network ? cutOutAsGiven(view)
+                 : by_ == CutOutBy::Edges ? cutOutAlongEdges(view)
+                                          : masks_.cutOut(view, behind);
     FrameCut result{std::move(own.mask), own.doubtful, 0};
     if (matting_) {
         // It finds everybody: the person is whoever is near the network's mask.

@@ -47,9 +47,8 @@ public:
     // InputError where the plate shows something else than they do.
     void finish(std::span<const ClipView> samples);
 
-    // In a second pass, each frame by its number, and its square's side. look: any frame again.
-    FrameCut cut(size_t frame, const ClipView& view, double side,
-                 const MovingBackground::Look& look) const;
+    // In a second pass, each frame by its number. look: any frame again.
+    FrameCut cut(size_t frame, const ClipView& view, const MovingBackground::Look& look) const;
 
     // "the network", "the clip's colours", "a green screen, #1c9a3f", "the plate empty.jpg", …
     std::string source() const;

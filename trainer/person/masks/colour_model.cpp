@@ -9,7 +9,9 @@ namespace doppel {
 
 namespace {
 
-constexpr float kSurelyNot = .05f, kSurely = .95f;  // shares
+constexpr float kSurelyNot = .05f;  // a share
+constexpr double kSureness = 8;     // power of a share: what the person's pixels count
+constexpr double kFootRim = .01;    // of the square's side
 
 // ---- histograms of a clip -----------------------------------------------------------------------
 
@@ -41,17 +43,31 @@ ClipColours::ClipColours() {
     for (auto& counts : counts_) counts.assign(kSteps * kSteps * kSteps, 0);
 }
 
-void ClipColours::add(const Image& rgb, const std::vector<float>& share) {
-    CHECK(rgb.channels == 3 && 3 * share.size() == rgb.data.size(),
-          "a share has the picture's size");
+void ClipColours::add(const ClipView& view) {
+    const auto& [rgb, share, part, side] = view;
+    CHECK(rgb.channels == 3 && 3 * share.size() == rgb.data.size() && part.size() == share.size(),
+          "share and part have the picture's size");
+    const int width = rgb.width, height = rgb.height, rim = int(std::lround(kFootRim * side));
+    const auto at = [&](int x, int y) {
+        return share[size_t(std::clamp(y, 0, height - 1)) * size_t(width) +
+                     size_t(std::clamp(x, 0, width - 1))];
+    };
     // Far more pixels than bins: one of two along each axis tells as much.
-    for (int y = 0; y < rgb.height; y += 2)
-        for (int x = 0; x < rgb.width; x += 2) {
-            const float s = share[size_t(y) * size_t(rgb.width) + size_t(x)];
-            if (s > kSurelyNot && s < kSurely) continue;
-            const size_t whose = s >= kSurely;
-            ++counts_[whose][binOf(rgb.pixel(x, y))];
-            ++total_[whose];
+    for (int y = 0; y < height; y += 2)
+        for (int x = 0; x < width; x += 2) {
+            float sure = at(x, y);
+            size_t whose = part[size_t(y) * size_t(width) + size_t(x)];
+            double weight = 1;
+            if (sure <= kSurelyNot) {
+                whose = kPicturedParts;
+            } else {
+                if (whose == size_t(PicturedPart::Foot))
+                    sure = std::min(
+                        {sure, at(x - rim, y), at(x + rim, y), at(x, y - rim), at(x, y + rim)});
+                weight = std::pow(double(sure), kSureness);
+            }
+            counts_[whose][binOf(rgb.pixel(x, y))] += weight;
+            total_[whose] += weight;
         }
 }
 
@@ -61,8 +77,8 @@ void ClipColours::finish() {
             smoothAxis(counts, kSteps, stride);
 }
 
-double ClipColours::density(bool person, const uint8_t* rgb) const {
-    return total_[person] > 0 ? counts_[person][binOf(rgb)] / total_[person] : 0;
+double ClipColours::density(size_t whose, const uint8_t* rgb) const {
+    return total_[whose] > 0 ? counts_[whose][binOf(rgb)] / total_[whose] : 0;
 }
 
 // ---- about each place ---------------------------------------------------------------------------
@@ -92,70 +108,64 @@ PlaceColours::PlaceColours(const Image& rgb, const Rect& rect, const std::vector
     rows_ = (rect.height() + cell - 1) / cell;
     constexpr size_t kBins = size_t(kLevels) * kLevels * kLevels;
     const size_t cells = size_t(columns_) * size_t(rows_);
-    for (auto& counts : counts_) counts.assign(cells * kBins, 0);
-    for (auto& totals : totals_) totals.assign(cells, 0);
+    counts_.assign(cells * kBins, 0);
+    totals_.assign(cells, 0);
     const auto level = [](uint8_t value) { return size_t(value) * kLevels / 256; };
     for (int y = 0; y < rect.height(); ++y)
         for (int x = 0; x < rect.width(); ++x) {
-            const float s = share[size_t(y) * size_t(rect.width()) + size_t(x)];
             // The surer, the more it counts; what is in doubt does not.
-            const float weight = std::max(0.f, 2 * std::abs(s - .5f) - .2f);
-            if (weight == 0) continue;
+            const float weight = .8f - 2 * share[size_t(y) * size_t(rect.width()) + size_t(x)];
+            if (weight <= 0) continue;
             const uint8_t* p = rgb.pixel(rect.left + x, rect.top + y);
             const size_t bin = (level(p[0]) * kLevels + level(p[1])) * kLevels + level(p[2]);
-            counts_[s > .5f][at(x / cell, y / cell) * kBins + bin] += weight;
+            counts_[at(x / cell, y / cell) * kBins + bin] += weight;
         }
-    for (size_t whose : {0u, 1u}) {
-        auto& counts = counts_[whose];
-        const auto levels = size_t(kLevels);
-        for (size_t stride : {size_t(1), levels, levels * levels})
-            smoothAxis(counts, levels, stride);
-        smoothAxis(counts, size_t(columns_), kBins);
-        smoothAxis(counts, size_t(rows_), kBins * size_t(columns_));
-        for (size_t i = 0; i < cells; ++i)
-            for (size_t k = 0; k < kBins; ++k) totals_[whose][i] += counts[i * kBins + k];
-    }
+    const auto levels = size_t(kLevels);
+    for (size_t stride : {size_t(1), levels, levels * levels}) smoothAxis(counts_, levels, stride);
+    smoothAxis(counts_, size_t(columns_), kBins);
+    smoothAxis(counts_, size_t(rows_), kBins * size_t(columns_));
+    for (size_t i = 0; i < cells; ++i)
+        for (size_t k = 0; k < kBins; ++k) totals_[i] += counts_[i * kBins + k];
 }
 
 size_t PlaceColours::at(int column, int row) const {
     return size_t(row) * size_t(columns_) + size_t(column);
 }
 
-float PlaceColours::favour(int x, int y, const uint8_t* rgb, const ClipColours& clip) const {
+float PlaceColours::favour(int x, int y, const uint8_t* rgb, const ClipColours& clip,
+                           size_t part) const {
     constexpr size_t kBins = size_t(kLevels) * kLevels * kLevels;
     constexpr double kPrior = 60;    // pixels that the clip's histogram is worth
     constexpr double kFloor = 2e-4;  // of all colours there are, any may come up
+    // Bins of the clip's histogram are smaller.
+    constexpr double kRatio = double(kSteps * kSteps * kSteps) / double(kBins);
     const Between u = between((x - rect_.left + .5) / cell_, columns_),
                   v = between((y - rect_.top + .5) / cell_, rows_);
     std::array<Between, 3> c;
     for (size_t k = 0; k < 3; ++k) c[k] = between((rgb[k] + .5) * kLevels / 256, kLevels);
-    std::array<double, 2> likely{};
-    for (size_t whose : {0u, 1u}) {
-        double count = 0, total = 0;
-        for (int place = 0; place < 4; ++place) {
-            const float weight =
-                (place & 1 ? u.share : 1 - u.share) * (place & 2 ? v.share : 1 - v.share);
-            if (weight == 0) continue;
-            const size_t cell = at(place & 1 ? u.high : u.low, place & 2 ? v.high : v.low);
-            total += double(weight * totals_[whose][cell]);
-            const float* counts = &counts_[whose][cell * kBins];
-            for (int corner = 0; corner < 8; ++corner) {
-                float w = weight;
-                size_t bin = 0;
-                for (size_t k = 0; k < 3; ++k) {
-                    const bool high = corner >> k & 1;
-                    w *= high ? c[k].share : 1 - c[k].share;
-                    bin = bin * kLevels + size_t(high ? c[k].high : c[k].low);
-                }
-                count += double(w * counts[bin]);
+    double count = 0, total = 0;
+    for (int place = 0; place < 4; ++place) {
+        const float weight =
+            (place & 1 ? u.share : 1 - u.share) * (place & 2 ? v.share : 1 - v.share);
+        if (weight == 0) continue;
+        const size_t cell = at(place & 1 ? u.high : u.low, place & 2 ? v.high : v.low);
+        total += double(weight * totals_[cell]);
+        const float* counts = &counts_[cell * kBins];
+        for (int corner = 0; corner < 8; ++corner) {
+            float w = weight;
+            size_t bin = 0;
+            for (size_t k = 0; k < 3; ++k) {
+                const bool high = corner >> k & 1;
+                w *= high ? c[k].share : 1 - c[k].share;
+                bin = bin * kLevels + size_t(high ? c[k].high : c[k].low);
             }
+            count += double(w * counts[bin]);
         }
-        // Bins of the clip's histogram are smaller.
-        constexpr double kRatio = double(kSteps * kSteps * kSteps) / double(kBins);
-        likely[whose] =
-            (count + kPrior * kRatio * clip.density(whose == 1, rgb)) / (total + kPrior) + kFloor;
     }
-    return float(std::log(likely[1] / likely[0]));
+    const double person = kRatio * clip.ofPart(part, rgb) + kFloor,
+                 background =
+                     (count + kPrior * kRatio * clip.ofBackground(rgb)) / (total + kPrior) + kFloor;
+    return float(std::log(person / background));
 }
 
 // ---- a camera that stands still -----------------------------------------------------------------

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "engine/io/image.h"
+#include "trainer/person/masks/clip_view.h"
 
 namespace doppel {
 
@@ -18,36 +19,41 @@ struct Rect {
     bool empty() const { return right <= left || bottom <= top; }
 };
 
-// Over all pictures of a clip: how often colours are the person's and the background's. Its size
-// does not depend on the clip's.
+// Over all pictures of a clip: how often colours are those of each part of the person and those of
+// the background. What one picture's network takes for the person by mistake, as a wall between an
+// arm and a trunk, is something else in others; hair and shoes are the same in all. Its size does
+// not depend on the clip's.
 class ClipColours {
 public:
     ClipColours();
 
-    // share [H,W]: how surely each pixel is the person's. Those that are neither count for nothing.
-    void add(const Image& rgb, const std::vector<float>& share);
-    // Before density() is asked, after the last add().
+    // The surer the network is of a pixel, the more it counts: of a forearm that is six pixels wide
+    // it is not sure at all. Rims of feet count little, for there is the same ground in all frames.
+    void add(const ClipView& view);
+    // Before its shares are asked, after the last add().
     void finish();
 
-    bool empty() const { return total_[0] == 0 || total_[1] == 0; }
-    // Share of the person's (1) or the background's (0) pixels with about this colour.
-    double density(bool person, const uint8_t* rgb) const;
+    // Shares of the pixels of the background, and of a part of the person, with about this colour.
+    double ofBackground(const uint8_t* rgb) const { return density(kPicturedParts, rgb); }
+    double ofPart(size_t part, const uint8_t* rgb) const { return density(part, rgb); }
 
 private:
-    std::array<std::vector<double>, 2> counts_;
-    std::array<double, 2> total_{};
+    double density(size_t whose, const uint8_t* rgb) const;
+
+    std::array<std::vector<double>, kPicturedParts + 1> counts_;  // the background's last
+    std::array<double, kPicturedParts + 1> total_{};
 };
 
-// The same about each place of one picture: cells of the picture and of colours, smoothed along all
-// of their five axes.
+// The background's about each place of one picture: cells of the picture and of colours, smoothed
+// along all of their five axes.
 class PlaceColours {
 public:
     // cell: pixels. share has the rectangle's size.
     PlaceColours(const Image& rgb, const Rect& rect, const std::vector<float>& share, int cell);
 
-    // log of how much likelier the person has this colour here than the background has; where
-    // little was seen about here, what the clip says counts.
-    float favour(int x, int y, const uint8_t* rgb, const ClipColours& clip) const;
+    // log of how much likelier the part of the person that is near has this colour, by the clip,
+    // than the background has here; where little of that was seen, what the clip says counts.
+    float favour(int x, int y, const uint8_t* rgb, const ClipColours& clip, size_t part) const;
 
 private:
     static constexpr int kLevels = 12;  // per channel
@@ -55,8 +61,8 @@ private:
 
     Rect rect_;
     int cell_ = 1, columns_ = 0, rows_ = 0;
-    std::array<std::vector<float>, 2> counts_;  // [rows][columns][kLevels³]
-    std::array<std::vector<float>, 2> totals_;  // [rows][columns]
+    std::vector<float> counts_;  // [rows][columns][kLevels³]
+    std::vector<float> totals_;  // [rows][columns]
 };
 
 // Log of how much likelier a colour is not that of what is behind, shadows that fall on it allowed

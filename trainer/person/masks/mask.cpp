@@ -16,14 +16,10 @@ constexpr double kIsland = .05;    // of the largest part
 // edges, the cells in which colours are counted, and how far beyond the network's mask is looked.
 constexpr double kBlurShare = 1. / 256, kLedShare = 1. / 256, kCellShare = 1. / 24,
                  kReachShare = 3. / 64;
-constexpr double kLeastPrior = .002;  // shares between this and the rest are decided by colours
+constexpr double kLeastUnsure = .002;  // shares between this and the rest are decided by colours
+constexpr double kLeastPrior = .03;    // what the network is taken to be sure of at most
 constexpr double kMostFavour = 4;
 constexpr float kContradicts = 3;  // a favour, as kMostFavour
-
-constexpr double kFootShare = 1. / 50;  // of the square's side: a foot's half width
-constexpr float kInDoubt = .49f;        // a share
-// Of the line from heel to toes, what lies in the mask of a foot that the network has seen.
-constexpr double kFootSeen = .9;
 
 // Means over windows of 2 radius + 1 pixels a side, cut at the picture's border; by running sums.
 std::vector<double> windowMeans(const std::vector<double>& x, int width, int height, int radius) {
@@ -78,82 +74,6 @@ void dropIslands(std::vector<uint8_t>& mask, int width, int height) {
 }
 
 }  // namespace
-
-std::vector<float> personShare(const PersonLandmarks& person, int width, int height) {
-    constexpr int kSide = kRoiMaskSide;
-    CHECK(person.mask.size() == size_t(kSide) * kSide, "a mask is [{},{}]", kSide, kSide);
-    std::vector<float> inside(person.mask.size());
-    for (size_t i = 0; i < inside.size(); ++i) inside[i] = 1 / (1 + std::exp(-person.mask[i]));
-    std::vector<float> share(size_t(width) * size_t(height));
-    const auto at = [&](int x, int y) {
-        return inside[size_t(std::clamp(y, 0, kSide - 1)) * kSide +
-                      size_t(std::clamp(x, 0, kSide - 1))];
-    };
-    // The square is turned and scaled: steps along the picture's axes are the same everywhere.
-    const Point2 first = person.roi.fromPicture({.5, .5}),
-                 across = person.roi.fromPicture({1.5, .5}),
-                 down = person.roi.fromPicture({.5, 1.5});
-    for (int y = 0; y < height; ++y) {
-        for (int x = 0; x < width; ++x) {
-            Point2 p;
-            for (size_t i = 0; i < 2; ++i)
-                p[i] = first[i] + x * (across[i] - first[i]) + y * (down[i] - first[i]);
-            if (p[0] < 0 || p[1] < 0 || p[0] >= 1 || p[1] >= 1) continue;
-            const double u = p[0] * kSide - .5, v = p[1] * kSide - .5;
-            const int u0 = int(std::floor(u)), v0 = int(std::floor(v));
-            const auto a = float(u - u0), b = float(v - v0);
-            share[size_t(y) * size_t(width) + size_t(x)] =
-                (1 - b) * ((1 - a) * at(u0, v0) + a * at(u0 + 1, v0)) +
-                b * ((1 - a) * at(u0, v0 + 1) + a * at(u0 + 1, v0 + 1));
-        }
-    }
-    return share;
-}
-
-std::vector<float> personShareWithFeet(const PersonLandmarks& person, int width, int height) {
-    std::vector<float> share = personShare(person, width, height);
-    using namespace landmark;
-    const double radius = kFootShare * person.roi.side;
-    const auto at = [&](size_t point) {
-        const Point3& p = person.points[point].picture;
-        return glm::dvec2(p[0], p[1]);
-    };
-    const auto isSeen = [&](const glm::dvec2& heel, const glm::dvec2& toes) {
-        constexpr int kPoints = 20;
-        int inPicture = 0, seen = 0;
-        for (int k = 0; k <= kPoints; ++k) {
-            const glm::dvec2 p = glm::floor(glm::mix(heel, toes, double(k) / kPoints));
-            if (!(p.x >= 0 && p.y >= 0 && p.x < width && p.y < height)) continue;
-            ++inPicture;
-            seen += share[size_t(p.y) * size_t(width) + size_t(p.x)] >= .5f;
-        }
-        return seen >= kFootSeen * inPicture;
-    };
-    using Foot = std::array<size_t, 3>;
-    for (const auto& [ankle, heel, toes] : {Foot{kLeftAnkle, kLeftHeel, kLeftFootTip},
-                                            Foot{kRightAnkle, kRightHeel, kRightFootTip}}) {
-        // The outline of a foot that was seen is better than that of a line as thick as a foot,
-        // which holds the shadow beside a heel.
-        if (isSeen(at(heel), at(toes))) continue;
-        for (const auto& [a, b] : {std::pair(at(ankle), at(heel)), std::pair(at(heel), at(toes)),
-                                   std::pair(at(toes), at(ankle))}) {
-            // What is longer is no foot.
-            if (!(glm::length(b - a) < person.roi.side / 4)) continue;
-            const glm::dvec2 picture(width, height), none(0);
-            const auto low = glm::clamp(glm::min(a, b) - radius, none, picture),
-                       high = glm::clamp(glm::max(a, b) + radius, none, picture);
-            const double length = std::max(glm::dot(b - a, b - a), 1e-9);
-            for (int y = int(low.y); y < int(high.y); ++y)
-                for (int x = int(low.x); x < int(high.x); ++x) {
-                    const glm::dvec2 p(x + .5, y + .5);
-                    const double along = std::clamp(glm::dot(p - a, b - a) / length, 0., 1.);
-                    float& s = share[size_t(y) * size_t(width) + size_t(x)];
-                    if (glm::length(p - a - along * (b - a)) < radius) s = std::max(s, kInDoubt);
-                }
-        }
-    }
-    return share;
-}
 
 std::vector<float> guidedFilter(const Image& rgb, const std::vector<float>& share, int radius,
                                 double epsilon) {
@@ -259,17 +179,19 @@ std::vector<uint8_t> maskOf(const Image& part, const std::vector<float>& share, 
     return mask;
 }
 
-bool isUnsure(double prior) { return prior > kLeastPrior && prior < 1 - kLeastPrior; }
+bool isUnsure(double prior) { return prior > kLeastUnsure && prior < 1 - kLeastUnsure; }
 
 int radiusOf(double side, double share) { return std::max(1, int(std::lround(side * share))); }
 
 }  // namespace
 
-CutOut cutOutAsGiven(const Image& rgb, const std::vector<float>& share) {
+CutOut cutOutAsGiven(const ClipView& view) {
+    const auto& [rgb, share, part, side] = view;
     return {maskOf(rgb, share, rgb, {0, 0, rgb.width, rgb.height}), doubtIn(share)};
 }
 
-CutOut cutOutAlongEdges(const Image& rgb, const std::vector<float>& share, double side) {
+CutOut cutOutAlongEdges(const ClipView& view) {
+    const auto& [rgb, share, parts, side] = view;
     const Rect rect = rectOf(share, rgb.width, rgb.height, radiusOf(side, kReachShare));
     if (rect.empty()) return {std::vector<uint8_t>(share.size()), 0};
     const Image part = partOf(rgb, rect);
@@ -280,9 +202,9 @@ CutOut cutOutAlongEdges(const Image& rgb, const std::vector<float>& share, doubl
 
 // ---- by a whole clip's colours ------------------------------------------------------------------
 
-void ClipMasks::learn(const Image& rgb, const std::vector<float>& share) {
-    colours_.add(rgb, share);
-    background_.add(rgb, share);
+void ClipMasks::learn(const ClipView& view) {
+    colours_.add(view);
+    background_.add(view.rgb, view.share);
 }
 
 void ClipMasks::finish(bool asksBehind) {
@@ -290,8 +212,9 @@ void ClipMasks::finish(bool asksBehind) {
     still_ = asksBehind && background_.still();
 }
 
-CutOut ClipMasks::cutOut(const Image& rgb, const std::vector<float>& share, double side,
-                         const Behind& behind) const {
+CutOut ClipMasks::cutOut(const ClipView& view, const Behind& behind) const {
+    const auto& [rgb, share, parts, side] = view;
+    CHECK(parts.size() == share.size(), "of each pixel it is known which part is near");
     const int blur = radiusOf(side, kBlurShare), led = radiusOf(side, kLedShare);
     const Rect rect = rectOf(share, rgb.width, rgb.height, radiusOf(side, kReachShare));
     if (rect.empty()) return {std::vector<uint8_t>(share.size()), 0};
@@ -319,7 +242,8 @@ CutOut ClipMasks::cutOut(const Image& rgb, const std::vector<float>& share, doub
         if (isUnsure(prior[i])) {
             const int x = rect.left + int(i % size_t(part.width)),
                       y = rect.top + int(i / size_t(part.width));
-            favour = double(places.favour(x, y, rgb.pixel(x, y), colours_));
+            favour = double(places.favour(x, y, rgb.pixel(x, y), colours_,
+                                          parts[size_t(y) * size_t(rgb.width) + size_t(x)]));
         }
         favour = std::clamp(favour, -kMostFavour, kMostFavour);
         if (!still.empty()) favour += double(still[i]);

@@ -461,8 +461,9 @@ std::vector<size_t> MovingBackground::othersOf(size_t picture, double side) cons
 }
 
 std::vector<float> MovingBackground::favour(size_t picture, const ClipView& view, const Rect& rect,
-                                            const std::vector<uint8_t>& wanted, double side,
+                                            const std::vector<uint8_t>& wanted,
                                             const Look& look) const {
+    const double side = view.side;
     const size_t count = size_t(rect.width()) * size_t(rect.height());
     CHECK(picture < covered_.size() && wanted.size() == count && view.rgb.width == width_ &&
               view.rgb.height == height_,

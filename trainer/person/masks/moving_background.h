@@ -6,15 +6,10 @@
 #include <memory>
 #include <vector>
 
+#include "trainer/person/masks/clip_view.h"
 #include "trainer/person/masks/colour_model.h"
 
 namespace doppel {
-
-// A picture of a clip, and how surely each pixel is the person's (personShare()).
-struct ClipView {
-    Image rgb;
-    std::vector<float> share;
-};
 
 // Pictures of moments at which the person was elsewhere, brought to where the camera looks at
 // another one: by what stands still, place by place, for what is near moves otherwise than what is
@@ -31,10 +26,8 @@ public:
 
     // [rect] of a picture, as StillBackground::favour(): log of how much likelier each pixel is not
     // what is behind; 0 where too few others showed that, and where it is not wanted ([rect]).
-    // side: of the network's square, pixels.
     std::vector<float> favour(size_t picture, const ClipView& view, const Rect& rect,
-                              const std::vector<uint8_t>& wanted, double side,
-                              const Look& look) const;
+                              const std::vector<uint8_t>& wanted, const Look& look) const;
 
 private:
     std::vector<size_t> othersOf(size_t picture, double side) const;
