@@ -175,7 +175,7 @@ TEST(PersonShare, FeetWithoutAMaskAreInDoubt) {
     EXPECT_EQ(personShareWithFeet(person, kSize, kSize).size(), size_t(kSize) * kSize);
 }
 
-TEST(BodyParts, EachPixelIsNextToAPart) {
+TEST(PicturedParts, EachPixelIsNextToOne) {
     constexpr int kSize = 120;
     PersonLandmarks person;
     for (Landmark& point : person.points) point.picture = {60, 20, 0};  // the head
@@ -193,15 +193,16 @@ TEST(BodyParts, EachPixelIsNextToAPart) {
     put(kLeftHeel, 70, 110), put(kRightHeel, 50, 110);
     put(kLeftFootTip, 76, 114), put(kRightFootTip, 44, 114);
     const std::vector<uint8_t> parts = picturedPartsOf(person, kSize, kSize);
-    const auto at = [&](int x, int y) { return int(parts[size_t(y * kSize + x)]); };
-    EXPECT_EQ(at(60, 5), 0);
-    EXPECT_EQ(at(60, 50), 1);
+    const auto at = [&](int x, int y) { return PicturedPart(parts[size_t(y * kSize + x)]); };
+    using enum PicturedPart;
+    EXPECT_EQ(at(60, 5), Head);
+    EXPECT_EQ(at(60, 50), Trunk);
     for (int side : {-1, 1}) {
-        EXPECT_EQ(at(60 + side * 24, 33), 2);
-        EXPECT_EQ(at(60 + side * 48, 36), 3);
-        EXPECT_EQ(at(60 + side * 12, 76), 4);
-        EXPECT_EQ(at(60 + side * 12, 96), 5);
-        EXPECT_EQ(at(60 + side * 16, 116), 6);
+        EXPECT_EQ(at(60 + side * 24, 33), UpperArm);
+        EXPECT_EQ(at(60 + side * 48, 36), Forearm);
+        EXPECT_EQ(at(60 + side * 12, 76), Thigh);
+        EXPECT_EQ(at(60 + side * 12, 96), Calf);
+        EXPECT_EQ(at(60 + side * 16, 116), Foot);
     }
     // Landmarks may be anywhere, and nowhere.
     put(kLeftKnee, 1e300, -1e300), put(kRightKnee, NAN, NAN);
@@ -212,6 +213,7 @@ TEST(BodyParts, EachPixelIsNextToAPart) {
 // it. The wall there is as the wall elsewhere, and in no other frame the trunk's colour.
 TEST(ClipCutter, WhatOneFrameTakesForThePersonOthersDoNot) {
     constexpr int kWidth = 120, kHeight = 160, kFrames = 12;
+    constexpr double kSide = 400;
     const auto isPerson = [](int x, int y, int f) {
         const int left = 30 + 2 * f;
         const bool trunk = x >= left && x < left + 24, arm = x >= left + 32 && x < left + 40,
@@ -223,15 +225,15 @@ TEST(ClipCutter, WhatOneFrameTakesForThePersonOthersDoNot) {
     };
     std::vector<ClipView> views;
     for (int f = 0; f < kFrames; ++f) {
-        ClipView view{Image(kWidth, kHeight, 3), {}, std::vector<uint8_t>(kWidth * kHeight), 140};
+        ClipView view{Image(kWidth, kHeight, 3), {}, std::vector<uint8_t>(kWidth * kHeight), kSide};
         for (int y = 0; y < kHeight; ++y)
             for (int x = 0; x < kWidth; ++x) {
-                const auto noise = int(12 * uniformOf(uint64_t(f), uint64_t(y * kWidth + x)));
                 const bool person = isPerson(x, y, f);
                 uint8_t* p = view.rgb.pixel(x, y);
                 for (int c = 0; c < 3; ++c)
-                    p[c] = uint8_t(noise + (person ? 60 + 50 * c : 140 - 20 * c));
-                view.share.push_back(person ? .97f : (f % 4 == 1 && isGap(x, y, f)) ? .8f : .01f);
+                    p[c] = uint8_t((person ? 60 + 40 * c : 140 - 20 * c) +
+                                   48 * uniformOf(uint64_t(f), uint64_t((y * kWidth + x) * 3 + c)));
+                view.share.push_back(person ? .97f : (f % 4 == 1 && isGap(x, y, f)) ? .9f : .01f);
             }
         views.push_back(std::move(view));
     }
@@ -249,6 +251,33 @@ TEST(ClipCutter, WhatOneFrameTakesForThePersonOthersDoNot) {
         }
     EXPECT_LT(closed, .1 * gap);
     EXPECT_GT(kept, .98 * person);
+}
+
+// Of feet that nobody is sure of, the person's other colours speak.
+TEST(ClipColours, OfAPartThatIsNotSeenThePersonTells) {
+    ClipView view{Image(40, 40, 3), {}, {}, 40};
+    for (int y = 0; y < 40; ++y)
+        for (int x = 0; x < 40; ++x) {
+            const bool person = x < 20;
+            view.rgb.pixel(x, y)[0] = person ? 200 : 40;
+            view.share.push_back(person ? 1 : 0);
+            view.part.push_back(uint8_t(PicturedPart::Trunk));
+        }
+    ClipColours colours;
+    colours.add(view);
+    colours.finish();
+    const uint8_t *ours = view.rgb.pixel(5, 5), *behind = view.rgb.pixel(30, 5);
+    for (PicturedPart part : {PicturedPart::Trunk, PicturedPart::Foot}) {
+        EXPECT_GT(colours.ofPart(size_t(part), ours), .1);
+        EXPECT_EQ(colours.ofPart(size_t(part), behind), 0);
+    }
+    EXPECT_EQ(colours.ofBackground(ours), 0);
+    EXPECT_GT(colours.ofBackground(behind), .1);
+    // Nothing was seen at all.
+    ClipColours none;
+    none.finish();
+    EXPECT_EQ(none.ofPart(0, ours), 0);
+    EXPECT_EQ(none.ofBackground(ours), 0);
 }
 
 TEST(ClipCutter, ACameraThatStandsStillIsNoticed) {

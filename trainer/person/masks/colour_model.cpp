@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "engine/error.h"
 
@@ -59,7 +60,7 @@ void ClipColours::add(const ClipView& view) {
             size_t whose = part[size_t(y) * size_t(width) + size_t(x)];
             double weight = 1;
             if (sure <= kSurelyNot) {
-                whose = kPicturedParts;
+                whose = kBackground;
             } else {
                 if (whose == size_t(PicturedPart::Foot))
                     sure = std::min(
@@ -72,6 +73,11 @@ void ClipColours::add(const ClipView& view) {
 }
 
 void ClipColours::finish() {
+    for (size_t part = 0; part < kPicturedParts; ++part) {
+        std::ranges::transform(counts_[kPerson], counts_[part], counts_[kPerson].begin(),
+                               std::plus());
+        total_[kPerson] += total_[part];
+    }
     for (auto& counts : counts_)
         for (size_t stride : {size_t(1), kSteps, kSteps * kSteps})
             smoothAxis(counts, kSteps, stride);
@@ -79,6 +85,11 @@ void ClipColours::finish() {
 
 double ClipColours::density(size_t whose, const uint8_t* rgb) const {
     return total_[whose] > 0 ? counts_[whose][binOf(rgb)] / total_[whose] : 0;
+}
+
+double ClipColours::ofPart(size_t part, const uint8_t* rgb) const {
+    constexpr double kLittle = 60;  // pixels that the whole person is worth
+    return (counts_[part][binOf(rgb)] + kLittle * density(kPerson, rgb)) / (total_[part] + kLittle);
 }
 
 // ---- about each place ---------------------------------------------------------------------------

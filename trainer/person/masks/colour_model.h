@@ -34,14 +34,17 @@ public:
     void finish();
 
     // Shares of the pixels of the background, and of a part of the person, with about this colour.
-    double ofBackground(const uint8_t* rgb) const { return density(kPicturedParts, rgb); }
-    double ofPart(size_t part, const uint8_t* rgb) const { return density(part, rgb); }
+    // Where little was seen of the part, what the whole person says counts.
+    double ofBackground(const uint8_t* rgb) const { return density(kBackground, rgb); }
+    double ofPart(size_t part, const uint8_t* rgb) const;
 
 private:
+    // Of a part, then the background and the whole person.
+    static constexpr size_t kBackground = kPicturedParts, kPerson = kBackground + 1;
     double density(size_t whose, const uint8_t* rgb) const;
 
-    std::array<std::vector<double>, kPicturedParts + 1> counts_;  // the background's last
-    std::array<double, kPicturedParts + 1> total_{};
+    std::array<std::vector<double>, kPerson + 1> counts_;
+    std::array<double, kPerson + 1> total_{};
 };
 
 // The background's about each place of one picture: cells of the picture and of colours, smoothed
