@@ -32,8 +32,7 @@ TEST_F(ViewerTest, AnotherAvatarIsTheOtherPartOfThePicture) {
     settle();
     ASSERT_EQ(viewer.panes().size(), 2u);
     const int line = viewer.panes()[1].x, width = alone.width;
-    for (int i = 0; i < 100 && viewer.visibleMessages() > 0; ++i) turn(1);
-    settle();
+    awaitSilence();
     EXPECT_NEAR(line, width / 2, 1);
     const Image both = picture();
     EXPECT_EQ(bluePart(both, 0, line), 0);
@@ -204,10 +203,6 @@ protected:
         avatar.betas[0] = beta;
         writeAvatar(*folder_ / name, avatar);
         return *folder_ / name;
-    }
-    void awaitSilence() {
-        for (int i = 0; i < 100 && viewer_->visibleMessages() > 0; ++i) turn(1);
-        settle();
     }
 };
 

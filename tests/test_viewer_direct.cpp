@@ -189,7 +189,7 @@ TEST_F(DirectTest, ShowsWhatTheHostWouldShow) {
     expectSame([&](std::vector<std::vector<uint8_t>>& seen) {
         Viewer& viewer = open();
         const auto look = [&] {
-            settle();
+            awaitSilence();
             seen.push_back(window().data);
         };
         look();
@@ -251,7 +251,7 @@ TEST_F(DirectTest, ShowsWhatTheHostHasDrawn) {
         options.beside = {*folder_ / "avatar"};
         Viewer& viewer = open(options);
         const auto look = [&] {
-            settle();
+            awaitSilence();
             seen.push_back(window().data);
         };
         viewer.settings().split = Split::Together;

@@ -150,6 +150,14 @@ protected:
         for (int i = 0; i < 2000 && !viewer_->settled(); ++i) viewer_->frame();
         ASSERT_TRUE(viewer_->settled());
     }
+    // And messages have gone, which they do by the clock.
+    void awaitSilence() {
+        await("messages to go", [&] {
+            viewer_->frame();
+            return viewer_->visibleMessages() == 0;
+        });
+        settle();
+    }
     void drag(glm::dvec2 from, glm::dvec2 to, int button = 1, int steps = 6) {
         screen_->move(from.x, from.y);
         turn();
