@@ -159,8 +159,9 @@ TEST(Presenting, SaysWhichWordsItKnows) {
         EXPECT_TRUE((Presenting("direct"), presentsDirectly(device)));
         EXPECT_FALSE((Presenting("host"), presentsDirectly(device)));
         const Presenting wrong("Direct");
-        EXPECT_NE(messageOf<InputError>([&] { presentsDirectly(device); })
-                      .find("DOPPEL_PRESENT: expected direct or host, or nothing, found Direct"),
+        EXPECT_NE(messageOf<InputError>([&] {
+                      presentsDirectly(device);
+                  }).find("DOPPEL_PRESENT: expected direct or host, or nothing, found Direct"),
                   std::string::npos);
     }
 }
