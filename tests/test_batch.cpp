@@ -14,6 +14,7 @@ namespace {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 class Batch : public Refusals {
 protected:
@@ -248,6 +249,7 @@ TEST_F(Batch, SlurmRunsItAndANodeDies) {
                                sourceFolder().string() + "/scripts/slurm-example", at("results")});
     EXPECT_EQ(run.status, 0) << run.out << run.err;
     EXPECT_THAT(run.out, HasSubstr("node n1 dies, and with it task "));
+    EXPECT_THAT(run.err, Not(HasSubstr("Usage:"))) << "a program was called with wrong words";
     const std::string table = text("results/people/summary.csv");
     for (int i = 0; i < 4; ++i)
         EXPECT_THAT(table, HasSubstr(fmt::format("\nperson-{},done,", i))) << run.out;
