@@ -86,7 +86,7 @@ TEST(Presets, EveryNumberIsSetByItsName) {
     EXPECT_EQ(preset.refine.masks, GanMasks::Own);
     std::set<std::string> names;
     for (const auto& [name, value] : presetValues(preset)) EXPECT_TRUE(names.insert(name).second);
-    EXPECT_EQ(names.size(), 184u);
+    EXPECT_EQ(names.size(), 186u);
     EXPECT_EQ(presetSections(), (std::vector<std::string>{"fit", "caps", "shape", "texels", "mesh",
                                                           "texture", "refine"}));
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 namespace doppel {
@@ -19,6 +20,16 @@ struct SparseMatrix {
         value.push_back(number);
     }
     void endRow() { begin.push_back(static_cast<int32_t>(column.size())); }
+    // [rows,width] of x [columns,width].
+    std::vector<float> times(std::span<const float> x, size_t width) const {
+        std::vector<float> y(static_cast<size_t>(rows()) * width);
+        for (size_t row = 0; row + 1 < begin.size(); ++row)
+            for (auto i = static_cast<size_t>(begin[row]); i < static_cast<size_t>(begin[row + 1]);
+                 ++i)
+                for (size_t k = 0; k < width; ++k)
+                    y[row * width + k] += value[i] * x[static_cast<size_t>(column[i]) * width + k];
+        return y;
+    }
 };
 
 }  // namespace doppel

@@ -9,6 +9,7 @@
 #include <glm/vec3.hpp>
 
 #include "nn/body/face_views.h"
+#include "nn/body/feet.h"
 #include "nn/body/seams.h"
 #include "nn/ops/body.h"
 #include "nn/ops/elementwise.h"
@@ -89,6 +90,8 @@ SurfaceState::SurfaceState(Device& device, const BodyModel& body, SurfaceStart f
         fingers = fingerRig(worn);
         if (!fingers.empty()) hands.add("hands", {4}, std::vector<float>(HandAmounts().size()));
     }
+    if (start.movesOffsets && preset.toes > 0)
+        toes = movedWithToes(body, start.offsets, preset.toes);
     for (Parameters* parameters : {&corrections, &offsets, &texels, &light, &gains, &hands})
         if (!parameters->entries().empty()) parameters->allocate(device);
 }
@@ -114,6 +117,9 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
     Tensor beta = graph.constant(std::span<const float>(start.betas), {10});
     Tensor own = start.movesOffsets ? graph.parameter(offsets, "offsets")
                                     : graph.constant(std::span<const float>(start.offsets), {V, 3});
+    if (state.toes.rows() > 0)
+        own = add(graph, sparseProduct(graph, state.toes, own),
+                  graph.constant(std::span<const float>(state.unmoved()), {V, 3}));
     Tensor bare = graph.constant(std::span<const float>(body.templateVertices), {V, 3});
     const Tensor straight = add(graph, own, bare);
     Tensor rest = straight;
@@ -253,9 +259,11 @@ SurfaceStep::SurfaceStep(Device& device, const BodyModel& body, SurfaceState& st
         samples.push_back(sample);
     }
     if (start.movesOffsets) {
-        // A hand that was bent before is as stiff as a flat one.
+        // A hand that was bent before is as stiff as a flat one, and toes that are closed stay so.
         std::vector<float> before = start.offsets;
-        const std::vector<float> shares = handShares(body);
+        std::vector<float> shares = handShares(body);
+        if (state.toes.rows() > 0)
+            std::ranges::transform(shares, toeShares(body), shares.begin(), std::plus());
         for (size_t i = 0; i < before.size(); ++i) before[i] *= -shares[i / 3];
         losses.term(
             "offsets", 1,
@@ -344,8 +352,18 @@ HandAmounts SurfaceState::handValues() const {
     return amounts;
 }
 
+std::vector<float> SurfaceState::unmoved() const {
+    std::vector<float> rest = toes.times(start.offsets, 3);
+    std::ranges::transform(start.offsets, rest, rest.begin(), std::minus());
+    return rest;
+}
+
 std::vector<float> SurfaceState::offsetValues() const {
     std::vector<float> values = offsets.read(*offsets.find("offsets"));
+    if (toes.rows() > 0) {
+        values = toes.times(values, 3);
+        std::ranges::transform(values, unmoved(), values.begin(), std::plus());
+    }
     if (hands.entries().empty()) return values;
     std::ranges::transform(values, bare, values.begin(), std::plus());
     values = bentFingers(fingers, values, handValues());

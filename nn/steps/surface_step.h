@@ -81,6 +81,8 @@ namespace doppel {
     NUMBER(double, smooth, 500, 0, kNoLimit, "weight of smooth offsets")                         \
     NUMBER(double, hands, 1, 1, 1e6, "times as much of it on the hands")                         \
     NUMBER(double, face, 1, 1, 1e6, "times as much of it on the face")                           \
+    NUMBER(double, toes, 0, 0, .1,                                                               \
+           "m, within which the front of a foot moves as one; 0: each toe for itself")           \
     FLAG(cleanHands, false,                                                                      \
          "texels of the hands that have another thing's colour take the hands'")                 \
     NUMBER(double, folds, 1, 0, kNoLimit, "weight of faces that keep their side and an area")    \
@@ -126,11 +128,14 @@ struct SurfaceState {
     Parameters light, gains;
     Parameters hands;         // what is added to the start's
     FingerRig fingers;        // empty where hands are not learned
+    SparseMatrix toes;        // rows [V,V] by which offsets move; empty: each by itself
     std::vector<float> bare;  // [V,3] the model's template
 
     SurfaceState(Device& device, const BodyModel& body, SurfaceStart start,
                  const SurfacePreset& preset);
 
+    // [V,3] What the start has of offsets beside what `toes` makes of it: steps move the rest.
+    std::vector<float> unmoved() const;
     // As they are by now.
     std::vector<float> poses() const;  // [frames, kPoseRow]
     HandAmounts handValues() const;

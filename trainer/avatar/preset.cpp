@@ -129,6 +129,7 @@ Preset presetByName(std::string_view name) {
     preset.shape.facePoints = preset.texels.facePoints = .3;
     preset.shape.hands = preset.texels.hands = 1e4;
     preset.mesh.hands = 1000;
+    preset.shape.toes = preset.texels.toes = .008;
     preset.shape.lrHands = .02;
     preset.texels.cleanHands = true;
     preset.texels.fine = .25;

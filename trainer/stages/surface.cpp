@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "nn/body/feet.h"
 #include "nn/ops/fit.h"
 #include "nn/steps/light.h"
 #include "trainer/avatar/background.h"
@@ -479,6 +480,12 @@ void trainShape(Device& device, TrainResult& result, const TrainSettings& settin
                    .loop = settings,
                    .memoryBudget = settings.memoryBudget,
                    .identity = stageIdentity(avatar, "shape")};
+    if (first && run.preset.toes > 0) {
+        std::vector<float> offsets = closedToes(avatar.body);
+        if (!avatar.body.offsets.empty())
+            std::ranges::transform(offsets, avatar.body.offsets, offsets.begin(), std::plus());
+        setOffsets(avatar, offsets);
+    }
     if (first)
         std::ranges::transform(kHandsAtEase, run.hands.begin(), [&](float amount) {
             return static_cast<float>(run.preset.ease) * amount;
