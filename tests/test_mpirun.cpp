@@ -26,10 +26,12 @@ protected:
         // Nor do containers let processes read each other's memory, or have a shell on others.
         setenv("OMPI_MCA_btl_vader_single_copy_mechanism", "none", 1);
         setenv("OMPI_MCA_plm_rsh_agent", "", 1);
+        // Seconds between SIGTERM and SIGKILL: a busy machine may take one for a step.
+        setenv("OMPI_MCA_odls_base_sigkill_timeout", "5", 1);
     }
     static Outcome mpirun(int count, std::vector<std::string> words,
                           const std::function<void(pid_t)>& meanwhile = {}) {
-        words.insert(words.begin(), {"mpirun", "--oversubscribe", "-n", std::to_string(count),
+        words.insert(words.begin(), {"mpirun", "-q", "--oversubscribe", "-n", std::to_string(count),
                                      program().string()});
         return start(words, nullptr, meanwhile);
     }
@@ -124,7 +126,11 @@ TEST_F(MpiRun, ARankThatDiesEndsAllAndOneProcessGoesOn) {
         EXPECT_GE(std::system(find.c_str()), 0);
     });
     EXPECT_NE(killed.status, 0);
-    EXPECT_THAT(killed.err, HasSubstr("signal 9"));
+    // mpirun itself is quiet.
+    EXPECT_EQ(killed.sentence(),
+              "doppel: stopped, and waits for the other processes; if one of them has ended, the "
+              "same command goes on from the newest checkpoint");
+    EXPECT_EQ(std::ranges::count(killed.err.substr(killed.err.find("doppel: ")), '\n'), 1);
     ASSERT_TRUE(fs::exists(checkpoint));
     std::this_thread::sleep_for(std::chrono::seconds(1));  // until the lock is free
     const Outcome alone =

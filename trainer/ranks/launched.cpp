@@ -4,6 +4,7 @@
 
 #include "engine/device.h"
 #include "engine/files/module.h"
+#include "trainer/data/progress.h"
 
 namespace doppel {
 
@@ -38,6 +39,7 @@ LaunchedRanks* launchedRanks() {
         const auto start = reinterpret_cast<LaunchedRanks* (*)()>(
             moduleFunction("doppel-mpi.so", "doppelRanks", advice, true));
         LaunchedRanks* started = start();
+        started->stopping = interrupted;
         // What this process starts itself is none of them.
         for (const char* name : kTellers) unsetenv(name);
         return started;

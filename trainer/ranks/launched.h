@@ -2,6 +2,7 @@
 // which is loaded only then, so that the program needs none.
 #pragma once
 
+#include <functional>
 #include <string>
 
 #include "nn/core/ranks.h"
@@ -11,6 +12,7 @@ namespace doppel {
 // A process of several that a launcher started.
 class LaunchedRanks : public Ranks {
 public:
+    std::function<bool()> stopping;             // whether this process was asked to stop
     virtual int localRank() const = 0;          // among those on the same machine
     virtual std::string transport() const = 0;  // "Open MPI 4.1.4"
     // For one that has failed: waits two seconds at most for the others to say the same.
