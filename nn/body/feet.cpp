@@ -1,7 +1,9 @@
 #include "nn/body/feet.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <functional>
 #include <glm/geometric.hpp>
 #include <glm/vec3.hpp>
 #include <map>
